@@ -14,7 +14,7 @@ BRAKING = 0.8
 
 
 class Avoid(RuledBehavior):
-    """Prohibits commands without room to stop; desires those with clearance and observed space."""
+    """Prohibits commands without room to stop; desires those with clearance over observed floor."""
 
     name: ClassVar[str] = "avoid"
 
@@ -34,7 +34,7 @@ class Avoid(RuledBehavior):
     params: Params
 
     def propose(self, context: Context) -> Proposal:
-        """Rate every arc by its reserve, its observed length and its clearance."""
+        """Rate every arc by free and observed length over that needed to stop, and clearance."""
         p, commands, arcs = self.params, context.commands, context.arcs
         v = np.abs(commands.v)
         needed = self._to_stop(v, BRAKING) + p.spare
@@ -58,6 +58,6 @@ class Avoid(RuledBehavior):
         )
 
     def _to_stop(self, speed: Array, deceleration: float) -> Array:
-        """Ways [m] or angles [rad] until the robot stands, from ``speed`` on, after the latency."""
+        """Return the distances [m] or angles [rad] to stop from ``speed``, latency included."""
         distance: Array = speed**2 / (2.0 * deceleration) + speed * self.params.latency
         return distance

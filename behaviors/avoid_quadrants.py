@@ -48,7 +48,7 @@ class AvoidQuadrants(RuledBehavior):
     params: Params
 
     def reset(self) -> None:
-        """Nothing is beside the robot."""
+        """Forget what was beside the robot."""
         self._near: dict[float, tuple[float, float, float]] = {}
 
     def propose(self, context: Context) -> Proposal:
@@ -79,13 +79,13 @@ class AvoidQuadrants(RuledBehavior):
         )
 
     def _see(self, context: Context, distances: Mapping[float, float]) -> None:
-        """Keep where each side was near last, from its distance; 1 is left, -1 right."""
+        """Remember where each side was near last, by its distance; 1 is left, -1 right."""
         for side, distance in distances.items():
             if distance < NEAR:
                 self._near[side] = (context.pose.x, context.pose.y, context.pose.yaw)
 
     def _beside(self, context: Context) -> Array:
-        """(n_v, n_w) 0.6 for forward commands that turn to something beside the robot."""
+        """Return a layer (n_v, n_w): 0.6 for forward commands that turn to what is beside."""
         commands, pose, params = context.commands, context.pose, self.params
         layer = commands.zeros()
         for side, (x, y, yaw) in tuple(self._near.items()):

@@ -28,7 +28,7 @@ class CentreCorridor(RuledBehavior):
     params: Params
 
     def propose(self, context: Context) -> Proposal:
-        """Desire the turn that balances the distances on both sides."""
+        """Desire the turn that balances the free distances left and right; else do not apply."""
         ranges = context.ranges
         along = (
             context.local_goal is not None and abs(context.local_goal.bearing) < self.params.along

@@ -35,13 +35,13 @@ class Emergency(RuledBehavior):
     params: Params
 
     def reset(self) -> None:
-        """No alarm."""
+        """End any alarm."""
         self._began: float | None = None
         self._until = -math.inf
         self._origin = (0.0, 0.0)
 
     def propose(self, context: Context) -> Proposal:
-        """Prohibit all forward commands during an alarm, otherwise none."""
+        """Prohibit all forward commands and desire to reverse in an alarm; otherwise nothing."""
         verdict = self.rules.evaluate(contact=self._contact(context), stalled=context.stalled)
         self._watch(context, verdict.degree("alarm") > self.params.threshold)
         commands = context.commands
@@ -61,7 +61,7 @@ class Emergency(RuledBehavior):
         )
 
     def _contact(self, context: Context) -> float:
-        """Time to contact on the present course over the time needed to stop."""
+        """Return the time to contact on the present course over the time needed to stop."""
         v = context.twist.v
         if v < 0.05:
             return 5.0

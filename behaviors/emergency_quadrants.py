@@ -36,14 +36,14 @@ class EmergencyQuadrants(RuledBehavior):
     params: Params
 
     def reset(self) -> None:
-        """No alarm."""
+        """End any alarm."""
         self._target: float | None = None
         self._began = 0.0
         self._ended = -math.inf
         self._way = 1.0
 
     def propose(self, context: Context) -> Proposal:
-        """Prohibit all forward commands until the turn is complete, otherwise none."""
+        """Prohibit all forward commands until the turn is complete; otherwise nothing."""
         distances, commands = context.quadrant_distances, context.commands
         fresh = distances is not None and distances.age <= MAX_AGE
         verdict = self.rules.evaluate(
@@ -76,7 +76,7 @@ class EmergencyQuadrants(RuledBehavior):
         self._target = context.pose.yaw + self._way * self.params.turn
 
     def _left(self, context: Context) -> float | None:
-        """The remaining turn [rad]; None without an alarm."""
+        """Return the remaining turn [rad]; None without an alarm."""
         if self._target is None:
             return None
         left = context.turn_to(self._target)

@@ -35,7 +35,7 @@ class Escape(RuledBehavior):
     params: Params
 
     def reset(self) -> None:
-        """Back to watching."""
+        """Return to watching whether the robot is trapped."""
         self._phase: Literal["watch", "back", "turn"] = "watch"
         self._since = 0.0
         self._ended = -math.inf
@@ -46,7 +46,7 @@ class Escape(RuledBehavior):
         self._barred_since: float | None = None
 
     def propose(self, context: Context) -> Proposal:
-        """Watch for being trapped; then lead out."""
+        """Watch whether the robot is trapped; if so, desire to reverse, then to turn."""
         self._watch(context)
         verdict = self.rules.evaluate(
             standing=_since(self._still_since, context.time),
@@ -97,7 +97,7 @@ class Escape(RuledBehavior):
             self._still_since = self._barred_since = None
 
     def _freest(self, context: Context) -> float:
-        """Turn [rad] toward the freest direction; directions near the local goal are preferred."""
+        """Return the turn [rad] to the freest direction, preferably near the local goal."""
         ranges = context.ranges
         goal = 0.0 if context.local_goal is None else context.local_goal.bearing
         away = np.abs((ranges.bearings - goal + math.pi) % (2 * math.pi) - math.pi)

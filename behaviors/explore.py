@@ -35,7 +35,7 @@ class Explore(RuledBehavior):
     params: Params
 
     def reset(self) -> None:
-        """Back to no direction."""
+        """Forget the direction."""
         self._heading: float | None = None
 
     def propose(self, context: Context) -> Proposal:
@@ -59,7 +59,7 @@ class Explore(RuledBehavior):
         )
 
     def _worth(self, context: Context) -> Array:
-        """(n,) the worth of each direction [m]."""
+        """Compute the worth (n,) [m] of each direction."""
         p, ranges = self.params, context.ranges
         # minimum over neighbouring directions: a gap narrower than the body leads nowhere
         around = [np.roll(ranges.free, shift) for shift in (-1, 0, 1)]

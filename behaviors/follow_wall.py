@@ -10,7 +10,7 @@ from navfw import Context, Proposal, RuledBehavior
 
 
 class FollowWall(RuledBehavior):
-    """Keeps a distance to the wall on one side.
+    """Drives along the wall on the nearer side, at a constant distance.
 
     It would follow any wall: the composite behaviour decides when it applies.
     """
@@ -29,11 +29,11 @@ class FollowWall(RuledBehavior):
     params: Params
 
     def reset(self) -> None:
-        """Back to no side."""
+        """Forget the side."""
         self._side: str | None = None
 
     def propose(self, context: Context) -> Proposal:
-        """Desire to turn toward or away from the wall, by its distance and that ahead."""
+        """Desire to turn toward or away from the wall, by the free distances beside and ahead."""
         ranges = context.ranges
         nothing = context.commands.zeros()
         if context.waypoint is None or min(ranges.left, ranges.right) > self.params.reach:
@@ -55,7 +55,7 @@ class FollowWall(RuledBehavior):
         )
 
     def _choose_side(self, context: Context) -> str:
-        """The nearer side, kept while there is no progress: changing it would drive in circles."""
+        """Choose the nearer side; keep it without progress, as a change would drive in circles."""
         if self._side is None or context.idle < 1.0:
             self._side = "left" if context.ranges.left <= context.ranges.right else "right"
         return self._side

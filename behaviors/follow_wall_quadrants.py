@@ -18,7 +18,7 @@ FAR = 0.45
 
 
 class FollowWallQuadrants(RuledBehavior):
-    """Keeps the nearer half of the image between near and middle, without a map.
+    """Drives along the wall on the nearer side, between near and middle distance, without a map.
 
     It would follow any wall: the composite behaviour decides when it applies. Toward a wall that
     has left the view it turns a bit, and no farther: it would go round and round.
@@ -34,7 +34,7 @@ class FollowWallQuadrants(RuledBehavior):
     params: Params
 
     def reset(self) -> None:
-        """Back to no side."""
+        """Forget the side."""
         self._side: str | None = None
         self._turned = 0.0
         self._yaw: float | None = None
@@ -64,7 +64,7 @@ class FollowWallQuadrants(RuledBehavior):
         )
 
     def _lost(self, context: Context, beside: float) -> bool:
-        """Whether it has turned too far since the wall at ``beside`` was in view."""
+        """Return whether the robot has turned too far since the wall was in view."""
         before = context.pose.yaw if self._yaw is None else self._yaw
         self._yaw = context.pose.yaw
         self._turned = 0.0 if beside < FAR else self._turned - context.turn_to(before)

@@ -11,7 +11,7 @@ from navfw import Context, Proposal, RuledBehavior
 
 
 class GiveWay(RuledBehavior):
-    """Rates every command by its closest approach to moving obstacles.
+    """Rates every command by its predicted closest approach to moving obstacles.
 
     If all commands lead too close, those with the largest distance are desired; standing still is
     not among them when an obstacle is on a collision course with a standing robot. While the robot

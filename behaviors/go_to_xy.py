@@ -20,7 +20,7 @@ GEARS = {1: "ahead", 0: "turning on the spot", -1: "backing"}
 
 
 class GoToXY(RuledBehavior):
-    """Turns toward the local goal and drives there."""
+    """Turns toward the local goal, the next point on the cheapest path, and drives there."""
 
     name: ClassVar[str] = "go_to_xy"
 

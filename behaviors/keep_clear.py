@@ -83,7 +83,7 @@ class KeepClear(RuledBehavior):
     params: Params
 
     def reset(self) -> None:
-        """Nothing remembered, no turn."""
+        """Forget all points, and end any turn."""
         self._points = np.empty((0, 5))  # x, y [m] and ray (x, y) in odom, and the time [s]
         self._seen = -math.inf
         self._way: float | None = None
@@ -120,7 +120,7 @@ class KeepClear(RuledBehavior):
     # --- what is remembered -------------------------------------------------------------------
 
     def _observe(self, context: Context) -> None:
-        """Take in a new percept, and forget what is passed or old."""
+        """Remember what a new percept shows near, and forget what is passed or old."""
         percept, pose = context.percept, context.pose
         if percept is not None and percept.sees_depth and percept.time > self._seen:
             self._seen = percept.time
@@ -140,16 +140,16 @@ class KeepClear(RuledBehavior):
         self._points = self._points[close & young]
 
     def _local(self, pose: Pose) -> Array:
-        """(n, 2) the remembered points in base_link [m]."""
+        """Return the remembered points (n, 2) [m] in base_link."""
         return pose.points_to_local(self._points[:, :2])
 
     def _objects(self, pose: Pose) -> Array:
-        """(4 n, 2) the same with what is hidden behind each of them: unknown is not free."""
+        """Return the points with what each hides (4 n, 2) [m]: unknown is not free."""
         hidden = [self._points[:, :2] + far * self._points[:, 2:4] for far in SHADOW]
         return pose.points_to_local(np.concatenate(hidden))
 
     def _in_view(self, points: Array) -> Mask:
-        """(n,) whether a percept shows what is at ``points`` (n, 2) in base_link."""
+        """Return whether a percept shows what is at ``points`` (n, 2) in base_link (n,)."""
         camera = self.robot.camera
         ahead = points[:, 0] - camera.mount_forward
         edge = ahead * math.tan(0.5 * camera.hfov - VIEW_RIM)
@@ -157,7 +157,7 @@ class KeepClear(RuledBehavior):
         return seen
 
     def _nearest(self, percept: Percept) -> list[tuple[float, float]]:
-        """Positions [m] in base_link of the nearest object of each image column."""
+        """Return the positions [m] in base_link of the nearest object of each image column."""
         camera = self.robot.camera
         shown: Mask = (
             (percept.label == Label.OBSTACLE)
@@ -193,7 +193,7 @@ class KeepClear(RuledBehavior):
             self._way = None
 
     def _freer_way(self, context: Context, nearby: Array) -> float:
-        """The sense of the smaller turn to a free path: 1 left, -1 right; less the waypoint's."""
+        """Choose the sense of the turn to a free path near the waypoint: 1 left, -1 right."""
         prices = {}
         for sense in (1.0, -1.0):
             turns = sense * math.pi * np.arange(1, HEADINGS + 1) / HEADINGS
@@ -206,14 +206,14 @@ class KeepClear(RuledBehavior):
         return min(prices, key=prices.__getitem__)
 
     def _room(self, points: Array) -> float:
-        """Way [m] straight ahead until the body is at one of ``points`` (n, 2) in base_link."""
+        """Return the distance [m] ahead until the body meets one of ``points`` (n, 2)."""
         radius = self.robot.radius + self.params.margin
         ahead = points[(np.abs(points[:, 1]) < radius) & (points[:, 0] > 0.0)]
         distances = ahead[:, 0] - np.sqrt(radius**2 - ahead[:, 1] ** 2)
         return float(np.clip(distances.min(initial=MAX_DISTANCE), 0.0, MAX_DISTANCE))
 
     def _barred(self, context: Context, nearby: Array) -> Array:
-        """(n_v, n_w) 1 for forward commands that come too near to one of ``nearby``, and nearer."""
+        """Return a layer (n_v, n_w): 1 for forward commands that come too near to a point."""
         layer, rows = context.commands.zeros(), context.commands.forward_rows
         if len(nearby):
             places, driven = _places(context)
@@ -227,7 +227,7 @@ class KeepClear(RuledBehavior):
 
 
 def _places(context: Context) -> tuple[Array, Array]:
-    """Positions (n_v, n_w, 4, 2) [m] in base_link along forward arcs, and distances (n_v, 4).
+    """Compute positions (n_v, n_w, 4, 2) [m] along forward arcs, and distances (n_v, 4) [m].
 
     The last one is where the robot stands if it brakes after ``AHEAD`` and one more decision.
     """
@@ -241,7 +241,7 @@ def _places(context: Context) -> tuple[Array, Array]:
 
 
 def _nearest_depth(nearness: Array, weight: Array) -> float | None:
-    """Mean depth [m] of the nearest eighth of the cells; None if they have too little weight."""
+    """Return the mean depth [m] of the nearest eighth of the cells; None with too little weight."""
     nearest_first = np.argsort(-nearness, kind="stable")
     total = np.cumsum(weight[nearest_first])
     if total[-1] < MIN_WEIGHT:

@@ -41,7 +41,7 @@ class LookAgain(RuledBehavior):
     params: Params
 
     def reset(self) -> None:
-        """Back to a fresh view."""
+        """Take the view for fresh again."""
         self._looked: float | None = None
         self._way = 0.0
 
@@ -71,7 +71,7 @@ class LookAgain(RuledBehavior):
         )
 
     def _freer_way(self, context: Context) -> float:
-        """The side to turn to, 1 left and -1 right: that of a waypoint aside, else the freer one.
+        """Choose the side to turn to, 1 left, -1 right: a waypoint's if aside, else the freer one.
 
         A turn away from the waypoint would be undone at once by goal seeking, again and again.
         """

@@ -25,7 +25,7 @@ class LookAround(Behavior):
     params: Params
 
     def reset(self) -> None:
-        """Back to no direction."""
+        """Forget the direction of the turn."""
         self._way: float | None = None
 
     def propose(self, context: Context) -> Proposal:

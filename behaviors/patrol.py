@@ -18,7 +18,7 @@ class Patrol(RuledComposite):
     name: ClassVar[str] = "patrol"
 
     def inputs(self, context: Context) -> Mapping[str, float]:
-        """The inputs of the rules."""
+        """Return progress, barred path, corridor, door and nearest obstacle for the rules."""
         return {
             "idle": context.idle,
             "barred": context.barred,

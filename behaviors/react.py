@@ -34,7 +34,7 @@ class React(RuledComposite):
     params: Params
 
     def inputs(self, context: Context) -> Mapping[str, float]:
-        """The inputs of the rules; without a percept all distances are far."""
+        """Return the inputs of the rules; without a percept all distances are far."""
         distances = context.quadrant_distances
         waypoint = context.waypoint
         due = waypoint is not None and (waypoint.final or waypoint.kind == "door")

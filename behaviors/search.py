@@ -40,14 +40,14 @@ class Search(RuledComposite):
     params: Params
 
     def reset(self) -> None:
-        """Back to no search."""
+        """End any search."""
         super().reset()
         self._since: float | None = None
         self._time = 0.0
         self._turned = self._driven = 0.0
 
     def inputs(self, context: Context) -> Mapping[str, float]:
-        """The inputs of the rules: those of ``travel``, and the state of the search."""
+        """Return the inputs of the rules: those of ``travel``, and the state of the search."""
         lost = context.belief.lost
         doubt = 2.0 if lost else context.belief.sigma / self.params.sigma
         searched = self._update(context, doubtful=doubt >= 1.0)
@@ -63,7 +63,7 @@ class Search(RuledComposite):
         }
 
     def _update(self, context: Context, *, doubtful: bool) -> float:
-        """Update the turn and the distance driven; returns the duration [s] of the search."""
+        """Update the turn and the distance driven; return the duration [s] of the search."""
         elapsed = context.time - self._time
         self._time = context.time
         if not doubtful:

@@ -14,7 +14,7 @@ class Travel(RuledComposite):
     name: ClassVar[str] = "travel"
 
     def inputs(self, context: Context) -> Mapping[str, float]:
-        """The inputs of the rules."""
+        """Return progress, barred path, corridor and door as inputs of the rules."""
         return {
             "idle": context.idle,
             "barred": context.barred,

@@ -27,7 +27,7 @@ class TraverseDoor(RuledBehavior):
     params: Params
 
     def propose(self, context: Context) -> Proposal:
-        """Desire to turn toward the opening, and to drive when it is ahead."""
+        """Desire to turn toward the local goal in the opening, and to drive when it is ahead."""
         waypoint, goal = context.waypoint, context.local_goal
         nothing = context.commands.zeros()
         if waypoint is None or goal is None or waypoint.kind != "door":

@@ -31,7 +31,7 @@ from navfw import (
 
 
 def load_stack(folder: Path) -> Stack:
-    """The stack of the run, for its robot and on its map, at the start and with its goals."""
+    """Load the stack of the run, for its robot and on its map, and start it with its goals."""
     mission = json.loads((folder / "result.json").read_text(encoding="utf-8"))["config"]["mission"]
     robot = RobotModel.model_validate(mission["robot"])
     stack = Stack.load(
@@ -46,7 +46,7 @@ def load_stack(folder: Path) -> Stack:
 
 
 def drive(stack: Stack, recording: SensorRecording) -> int:
-    """Drive through all readings; the number of ticks with another command than the recorded."""
+    """Step through all readings; return how many commands differ from the recorded ones."""
     leader, different = "", 0
     for reading, (v, w) in zip(recording.readings, recording.commands, strict=True):
         twist = stack.step(reading)
@@ -60,7 +60,7 @@ def drive(stack: Stack, recording: SensorRecording) -> int:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Load, drive, compare; 0 if all commands are the recorded ones."""
+    """Load, drive and compare; return 0 if all commands are the recorded ones."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("folder", type=Path, help="of a run that was recorded")
     options = parser.parse_args(arguments)

@@ -41,7 +41,7 @@ STILL = 0.02
 
 
 def drive(link: RobotLink, stack: Stack, robot: RobotModel, start: Pose, goal: Waypoint) -> str:
-    """Drive from ``start`` to ``goal``; how it ended, in a sentence."""
+    """Drive from ``start`` (map) to ``goal``; return how the drive ended, in a sentence."""
     stack.start(start, [goal])
     try:
         while True:
@@ -57,7 +57,7 @@ def drive(link: RobotLink, stack: Stack, robot: RobotModel, start: Pose, goal: W
 
 
 def receive_reading(link: RobotLink, camera: CameraModel) -> SensorReading:
-    """What the robot has measured at this control tick."""
+    """Receive what the robot has measured at this control tick; LinkLostError if it is wrong."""
     message, image = link.receive()
     time = number(message, "time")
     try:
@@ -76,7 +76,7 @@ def receive_reading(link: RobotLink, camera: CameraModel) -> SensorReading:
 
 
 def end_of(stack: Stack, twist: Twist) -> str:
-    """How the drive has ended; nothing while it goes on."""
+    """Return how the drive has ended; an empty text while it goes on."""
     state = stack.state
     if state.fault is not None:
         return f"fault: {state.fault.reason}"
@@ -87,7 +87,7 @@ def end_of(stack: Stack, twist: Twist) -> str:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Load the stack, connect, drive; 0 if the goal was reached."""
+    """Load the stack, connect and drive; return 0 if the goal was reached."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--port", type=int, default=5005)
     parser.add_argument("--robot", default="default", help="a robot's name or file")

@@ -42,7 +42,7 @@ START = {"follow_wall": 0.1, "centre_corridor": 0.3, "traverse_door": 0.5}
 
 @dataclass(frozen=True)
 class Drive:
-    """One run: its return where the environment gives one, success, SPL."""
+    """One run: its return (0 outside the environment), success, and SPL."""
 
     reward: float
     succeeded: bool
@@ -51,7 +51,7 @@ class Drive:
 
 @cache
 def environment(family: str, drawn: bool) -> MissionEnv:
-    """One environment a process; what it observes is not used."""
+    """Make the environment of this process, once; its observations are not used."""
     cv2.setNumThreads(1)
     kind = {"action": "weights", "observation": "flow", "drawn": drawn}
     return MissionEnv(family=family, difficulty=DIFFICULTY, **kind)
@@ -76,7 +76,7 @@ def drive_shipped(family: str, seed: int) -> Drive:
 
 
 def learn(pool: ProcessPoolExecutor, options: argparse.Namespace) -> dict[str, float]:
-    """The mean of the search distribution at the end."""
+    """Search by CMA-ES; return the mean of its distribution at the end: a weight by behaviour."""
     names = environment(options.family, False).behaviors
     start = [START.get(name, 0.8) for name in names]
     limits = {"bounds": [0.0, 1.0], "popsize": options.population, "seed": 1, "verbose": -9}
@@ -96,7 +96,7 @@ def learn(pool: ProcessPoolExecutor, options: argparse.Namespace) -> dict[str, f
 
 
 def shown(drives: Sequence[Drive]) -> dict[str, Any]:
-    """Successes with Wilson's interval, and mean SPL."""
+    """Summarise the drives: successes with Wilson's interval, and mean SPL."""
     reached = sum(made.succeeded for made in drives)
     low, high = binomtest(reached, len(drives)).proportion_ci(method="wilson")
     interval = [round(float(low), 3), round(float(high), 3)]
@@ -105,7 +105,7 @@ def shown(drives: Sequence[Drive]) -> dict[str, Any]:
 
 
 def difference(before: Sequence[Drive], after: Sequence[Drive]) -> dict[str, Any]:
-    """``after`` minus ``before`` in the same worlds: successes and SPL, with 95 % intervals."""
+    """Compare ``after`` with ``before`` in the same worlds: successes, SPL, 95 % intervals."""
     pairs = list(zip(before, after, strict=True))
     lost = sum(a.succeeded > b.succeeded for a, b in pairs)
     won = sum(b.succeeded > a.succeeded for a, b in pairs)

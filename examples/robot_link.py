@@ -21,7 +21,7 @@ MAX_IMAGE = 4_000_000
 
 
 class LinkLostError(Exception):
-    """The other end is gone, silent for too long, or sends what it must not."""
+    """The other end is gone, silent for too long, or sent a wrong message."""
 
 
 class RobotLink:
@@ -48,7 +48,7 @@ class RobotLink:
             raise LinkLostError(f"the other end is gone: {error.strerror or error}") from None
 
     def receive(self) -> tuple[dict[str, Any], bytes]:
-        """The next message and its image.
+        """Wait for the next message; return it and the bytes of its image.
 
         Raises:
             LinkLostError: none came in time, the link is closed, or it is no message.
@@ -82,10 +82,10 @@ class RobotLink:
 
 
 def number(message: dict[str, Any], key: str) -> float:
-    """The finite number at ``key`` of a message.
+    """Return the finite number at ``key`` of a message.
 
     Raises:
-        LinkLostError: there is none.
+        LinkLostError: the message has none.
 
     """
     value = message.get(key)

@@ -8,7 +8,7 @@ DEFAULTS = {"robot": "default", "map": "empty", "start": "0,0,0", "image": "imag
 
 
 def generate_launch_description() -> LaunchDescription:
-    """The node with its robot, map and start, and the topic of the camera."""
+    """Describe the node with its robot, map and start, and the topic of the camera."""
     values = {name: LaunchConfiguration(name) for name in DEFAULTS}
     words = ["navfw", "ros", "drive"]
     for name in ("robot", "map", "start"):

@@ -23,7 +23,7 @@ COAST = 1.0
 
 
 def serve(simulation: Simulation, link: RobotLink) -> str:
-    """Obey the stack until the link is lost, then stop; returns why, and what it drove."""
+    """Obey the stack until the link is lost, then stop; return why, and how far it rolled."""
     period = 1.0 / simulation.robot.control_rate
     while True:
         try:
@@ -35,7 +35,7 @@ def serve(simulation: Simulation, link: RobotLink) -> str:
 
 
 def exchange(simulation: Simulation, link: RobotLink) -> tuple[float, float]:
-    """Send what the sensors measure; the wheel speeds (left, right) [rad/s] that come back."""
+    """Send what the sensors measure; return the wheel speeds (left, right) [rad/s] received."""
     reading = simulation.read()
     inertial, encoders = reading.inertial, reading.encoders
     message = {
@@ -52,7 +52,7 @@ def exchange(simulation: Simulation, link: RobotLink) -> tuple[float, float]:
 
 
 def stop(simulation: Simulation, why: str, period: float) -> str:
-    """Stop the wheels and come to rest; what to print about it."""
+    """Stop the wheels and come to rest; return what to print about it."""
     before = simulation.true_pose()
     simulation.drive(0.0, 0.0)
     for _ in range(round(COAST / period)):

@@ -14,7 +14,7 @@ class FollowPerson(Behavior):
     handles_moving_obstacles = True
 
     def propose(self, context: Context) -> Proposal:
-        """Rate each command by its closest approach; nothing to say while nothing moves."""
+        """Desire commands with a closest approach near 1 m; applicability 0 if nothing moves."""
         conflicts, nothing = context.conflicts, context.commands.zeros()
         if conflicts is None:
             return Proposal(0.0, nothing, nothing, "nobody to follow")

@@ -13,7 +13,7 @@ class KeepLeft(Behavior):
     name: ClassVar[str] = "keep_left"
 
     def propose(self, context: Context) -> Proposal:
-        """Desire a slight turn; nothing to say beside the wall, or without one."""
+        """Desire a slight turn; applicability 0 beside the wall, or without one."""
         commands, beside = context.commands, context.ranges.left
         turn = commands.turning(0.2 * context.robot.max_w)
         return Proposal(

@@ -13,7 +13,7 @@ class SlowNearPeople(Behavior):
     name: ClassVar[str] = "slow_near_people"
 
     def propose(self, context: Context) -> Proposal:
-        """Desire slow commands, the more the nearer it is."""
+        """Desire slow commands; the applicability grows as the moving thing comes nearer."""
         commands, conflicts = context.commands, context.conflicts
         near = np.inf if conflicts is None else conflicts.nearest
         slow = (np.abs(commands.relative_v) < 1.0 / 3.0).astype(float)
