@@ -1,7 +1,7 @@
 """``navfw check`` and ``navfw list`` of data files whose kind needs more than a load.
 
-The functions are named in ``navfw.config.file_kinds``. Checks are those before a run. Summaries are
-read from a file alone: worlds are not built, and maps not checked.
+The checks are named in ``navfw.config.file_kinds``: those before a run. Summaries are read from a
+file alone: worlds are not built, and maps not checked.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, ConfigDict, create_model
 
-from navfw.config.document import YamlDocument, load_yaml
+from navfw.config.document import load_yaml
 from navfw.config.yamlfile import validate
 from navfw.errors import InputError, PluginError
 from navfw.stack.stack_document import STAGES, read_stack
@@ -21,29 +21,6 @@ if TYPE_CHECKING:
     from navfw.missions.session import Session
     from navfw.plugins import Registry
     from navfw.robot import RobotModel
-
-
-_KEYS: dict[str, dict[str, Any]] = {
-    "file": {},
-    "mission": {
-        "map": (str | None, None),
-        "start": (list[float] | dict[str, Any] | str, ...),
-        "goals": (list[str | dict[str, Any]], ...),
-        "timeout": (float | None, None),
-    },
-    "map": {"places": (dict[str, Any], ...), "edges": (list[Any], [])},
-    "suite": {"entries": (list[Any], ...), "variants": (dict[str, Any], {})},
-    # all have a composite
-    "stack": dict.fromkeys((*STAGES[:-3], "behaviors", *STAGES[-2:]), (dict[str, Any], ...)),
-}
-"""The keys that listings show besides the description, each with type and default."""
-
-
-def _read(kind: str, document: YamlDocument) -> dict[str, Any]:
-    """The description and the keys of a ``kind`` in a file; other keys are not checked."""
-    about: Any = {"description": (str, ""), **_KEYS[kind]}
-    model: type[BaseModel] = create_model(kind, __config__=ConfigDict(extra="ignore"), **about)
-    return validate(document, model).model_dump()
 
 
 def check_map(path: Path, registry: Registry) -> None:
@@ -98,38 +75,46 @@ def check_stack(path: Path, registry: Registry) -> None:
         chosen.check_files()
 
 
-def description(path: Path) -> dict[str, Any]:
-    """The description in a file."""
-    return _read("file", load_yaml(path))
+_KEYS: dict[str, dict[str, Any]] = {
+    "mission": {
+        "map": (str | None, None),
+        "start": (list[float] | dict[str, Any] | str, ...),
+        "goals": (list[str | dict[str, Any]], ...),
+        "timeout": (float | None, None),
+    },
+    "map": {"places": (dict[str, Any], ...), "edges": (list[Any], [])},
+    "suite": {"entries": (list[Any], ...), "variants": (dict[str, Any], {})},
+    # all have a composite
+    "stack": dict.fromkeys((*STAGES[:-3], "behaviors", *STAGES[-2:]), (dict[str, Any], ...)),
+}
+"""The keys that listings show besides the description, each with type and default."""
 
 
-def mission_summary(path: Path) -> dict[str, Any]:
-    """Description, map, start, goals and timeout [s] in a mission file."""
-    return _read("mission", load_yaml(path))
+def summary(kind: str, path: Path) -> dict[str, Any]:
+    """What ``navfw list`` shows of the file of a ``kind`` at ``path``: description and columns.
+
+    Other keys are not checked. Of maps and suites the parts are counted; of stacks these are the
+    names of each stage's plugins.
+
+    Raises:
+        InputError: the file cannot be read, or lacks what is shown.
+
+    """
+    if kind == "robot":
+        return _robot_summary(path)
+    about: Any = {"description": (str, ""), **_KEYS.get(kind, {})}
+    model: type[BaseModel] = create_model(kind, __config__=ConfigDict(extra="ignore"), **about)
+    document = read_stack(path) if kind == "stack" else load_yaml(path)
+    values = validate(document, model).model_dump()
+    if kind == "mission":
+        return values
+    text = {"description": values.pop("description")}
+    if kind == "stack":
+        return text | {"plugins": {stage: list(values[stage]) for stage in values}}
+    return text | {key: len(value) for key, value in values.items()}
 
 
-def map_summary(path: Path) -> dict[str, Any]:
-    """The description in a map file, and the numbers of its places and edges."""
-    return _counted(_read("map", load_yaml(path)))
-
-
-def stack_summary(path: Path) -> dict[str, Any]:
-    """The description of a stack, and the names of the plugins of each stage."""
-    stages = _read("stack", read_stack(path))
-    text = stages.pop("description")
-    return {"description": text, "plugins": {stage: list(stages[stage]) for stage in stages}}
-
-
-def suite_summary(path: Path) -> dict[str, Any]:
-    """The description of a suite, and the numbers of its entries and variants."""
-    return _counted(_read("suite", load_yaml(path)))
-
-
-def _counted(values: dict[str, Any]) -> dict[str, Any]:
-    return {key: value if key == "description" else len(value) for key, value in values.items()}
-
-
-def robot_summary(path: Path) -> dict[str, Any]:
+def _robot_summary(path: Path) -> dict[str, Any]:
     """The description of a robot, its body [m], top speed [m/s] and camera."""
     from navfw.robot.robotfile import load_robot
 

@@ -136,12 +136,14 @@ def overview() -> list[Row]:
 
 def _row(kind: FileKind, file: lookup.NamedFile) -> Row:
     """The row of a file; that of an invalid one holds its error."""
+    from navfw.cli.data_files import summary
+
     row: Row = {"name": file.name, "description": ""}
     if kind.name == "world":
         row["missions"] = [mission.name for mission in lookup.list_missions(file.name)]
     error = None
     try:
-        row |= kind.summary_of(file.path)
+        row |= summary(kind.name, file.path)
     except InputError as reason:
         error = str(reason)
     status = "ok" if error is None else "broken"

@@ -171,16 +171,8 @@ def print_table(columns: Sequence[str], rows: Sequence[Sequence[object]], nothin
         for row in (columns, *rows)
     )
     screen, gap = console(), 2
-    sizes = [
-        Measurement(*(max(sizes) for sizes in zip(*column, strict=True)))
-        for column in zip(
-            *(
-                [Measurement.get(screen, screen.options, cell) for cell in row]
-                for row in (titles, *cells)
-            ),
-            strict=True,
-        )
-    ]
+    texts = (Text("\n").join(column) for column in zip(titles, *cells, strict=True))
+    sizes = [Measurement.get(screen, screen.options, text) for text in texts]
     room = screen.width - sum(size.minimum + gap for size in sizes)
     if room < 0:
         _print_paragraphs([title.plain for title in titles], cells)

@@ -1,7 +1,7 @@
 """The kinds of files that people write, in one table: a further kind is one entry here.
 
-An entry says where a project has such files and names, as ``module:name``, what describes, loads,
-checks and lists them. These are imported when they are needed, so that names are found quickly.
+An entry says where a project has such files and names, as ``module:name``, what describes, loads
+and checks them. These are imported when they are needed, so that names are found quickly.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ class FileKind:
 
     ``load`` is a function of a path that raises an InputError where the file is wrong; ``check``,
     in its place, one of a path and the plugins, for what depends on more than the file.
-    ``plural`` is the word for them in ``navfw list``, which shows the ``columns`` that
-    ``summary``, a function of a path, gives besides the description.
+    ``plural`` is the word for them in ``navfw list``, which shows the ``columns`` besides the
+    description.
     """
 
     name: str
@@ -36,7 +36,6 @@ class FileKind:
     key: str = ""
     title: str = ""
     plural: str = ""
-    summary: str = "navfw.cli.data_files:description"
     columns: tuple[str, ...] = ()
     room: str = ""
 
@@ -77,16 +76,6 @@ class FileKind:
         else:
             _imported(self.load)(os.path.join(".", path))  # noqa: PTH118 - a path, never a name
 
-    def summary_of(self, path: Path) -> dict[str, Any]:
-        """What ``navfw list`` shows of the file at ``path``: ``description`` and ``columns``.
-
-        Raises:
-            InputError: the file cannot be read, or lacks what is shown.
-
-        """
-        summary: dict[str, Any] = _imported(self.summary)(path)
-        return summary
-
 
 def _imported(target: str) -> Any:
     module, _, name = target.partition(":")
@@ -110,7 +99,6 @@ _KINDS = (
         key="goals",
         model="navfw.missions.missionspec:MissionSpec",
         check="navfw.cli.data_files:check_mission",
-        summary="navfw.cli.data_files:mission_summary",
         columns=("start", "goals", "timeout"),
     ),
     FileKind(
@@ -120,7 +108,6 @@ _KINDS = (
         key="places",
         model="navfw.topomap.mapspec:MapSpec",
         check="navfw.cli.data_files:check_map",
-        summary="navfw.cli.data_files:map_summary",
         columns=("places", "edges"),
     ),
     FileKind(
@@ -130,7 +117,6 @@ _KINDS = (
         key="behaviors",
         model="navfw.stack.stackfile:StackSpec",
         check="navfw.cli.data_files:check_stack",
-        summary="navfw.cli.data_files:stack_summary",
         columns=("plugins",),
         room="stack",
     ),
@@ -140,7 +126,6 @@ _KINDS = (
         pattern="robots/*.yaml",
         model="navfw.robot.robotfile:RobotSpec",
         load="navfw.robot.robotfile:load_robot",
-        summary="navfw.cli.data_files:robot_summary",
         columns=("body", "speed", "camera"),
         room="robot",
     ),
@@ -151,7 +136,6 @@ _KINDS = (
         key="entries",
         model="navfw.suite.suitefile:SuiteSpec",
         load="navfw.suite.suitefile:load_suite",
-        summary="navfw.cli.data_files:suite_summary",
         columns=("entries", "variants"),
     ),
     FileKind(

@@ -85,7 +85,7 @@ def real(value: Any, what: str, shape: tuple[int, ...]) -> Array:
     result: Array
     if (
         type(value) is _ARRAY
-        and type(value.base) is bytes
+        and not value.flags.writeable
         and value.dtype is _FLOAT64
         and value.shape == shape
         and value.flags.c_contiguous

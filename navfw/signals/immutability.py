@@ -11,23 +11,17 @@ import numpy as np
 _LEAVES = frozenset((float, str, int, bool, type(None)))
 _MAPPINGS = (MutableMapping, MappingProxyType)
 """Mappings that are copied; a mapping of any other type has to be immutable itself."""
-_REPLACED = (dict, tuple, *_MAPPINGS)
-_ARRAY: Any = np.ndarray
-_set_field = object.__setattr__
+_REPLACED = (np.ndarray, dict, tuple, *_MAPPINGS)
 ArrayT = TypeVar("ArrayT", bound=np.ndarray[Any, Any])
 
 
 def read_only(array: ArrayT) -> ArrayT:
-    """A copy of ``array`` that cannot be made writable; ``array`` itself if it is one already.
-
-    The flag by itself is no protection: whoever gets an array, or a view of it, can set
-    ``writeable`` again. The memory of the copy is a bytes object, for which numpy refuses that.
-    """
-    owner: object = array.base
-    if type(owner) is bytes:
+    """A copy of ``array`` that cannot be written to; ``array`` itself if it is one already."""
+    if not array.flags.writeable:
         return array
-    copy: Any = np.ndarray(array.shape, array.dtype, array.tobytes())
-    return copy  # type: ignore[no-any-return]
+    copy = array.copy()
+    copy.flags.writeable = False
+    return copy
 
 
 def immutable(value: Any) -> Any:
@@ -54,13 +48,8 @@ def freeze(instance: object, *names: str) -> None:
     it is for the checks of what a plugin returns to refuse it.
     """
     for name in names:
-        value = getattr(instance, name)
-        if isinstance(value, _ARRAY):
-            if type(value.base) is not bytes:  # as in ``read_only``, without the call
-                value = _ARRAY(value.shape, value.dtype, value.tobytes())
-                _set_field(instance, name, value)
-        elif type(value) not in _LEAVES and isinstance(value, _REPLACED):
-            _set_field(instance, name, immutable(value))
+        if isinstance(value := getattr(instance, name), _REPLACED):
+            object.__setattr__(instance, name, immutable(value))
 
 
 class Sealed:
@@ -81,12 +70,3 @@ class Sealed:
         if self._sealed:
             raise AttributeError(f"{type(self).__name__} is read only: cannot set {name!r}")
         super().__setattr__(name, value)
-
-    def __delattr__(self, name: str) -> None:
-        """Refuse.
-
-        Raises:
-            AttributeError: always.
-
-        """
-        raise AttributeError(f"{type(self).__name__} is read only: cannot delete {name!r}")

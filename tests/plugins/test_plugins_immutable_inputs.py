@@ -48,8 +48,7 @@ def changeable(value: Any, path: str = "it") -> list[str]:
 
 def _is_immutable(value: Any) -> bool:
     if isinstance(value, np.ndarray):
-        memory: object = value.base
-        return isinstance(memory, bytes) and not value.flags.writeable
+        return not value.flags.writeable
     if is_dataclass(value) or isinstance(value, BaseModel | Sealed):
         try:
             setattr(value, "an_additional_attribute", 0)  # noqa: B010 - none is declared
