@@ -1,7 +1,6 @@
 """A YAML file as a validated pydantic model; one error lists all its problems.
 
->>> from navfw.config.yamlfile import load_model
->>> world = load_model("worlds/office/world.yaml", WorldSpec)  # doctest: +SKIP
+>>> world = validate(load_yaml("worlds/office/world.yaml"), WorldSpec)  # doctest: +SKIP
 
 Pydantic's errors are reworded: file, line, key, expected value, and actual value.
 """
@@ -19,9 +18,8 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from navfw.config.document import Origin, YamlDocument, load_yaml
+from navfw.config.document import Origin, YamlDocument
 from navfw.config.error_location import ErrorLocation, ExpectedType, choices_of, locate, members_of
-from navfw.config.overrides import Override, apply_overrides
 from navfw.config.yaml_text import KeyPath, key_text
 from navfw.errors import ConfigError, did_you_mean
 
@@ -60,27 +58,6 @@ def config_error(problems: Sequence[FileProblem]) -> ConfigError:
     if len(ordered) > MAX_LISTED:
         lines.append(f"and {len(ordered) - MAX_LISTED} more")
     return dataclasses.replace(first, message="\n".join(lines)).error()
-
-
-def problems_of(
-    error: ValidationError, document: YamlDocument, model: type[BaseModel], at: KeyPath = ()
-) -> list[FileProblem]:
-    """The problems in ``error``, from validating ``document`` at path ``at`` as ``model``.
-
-    They are in the order of the file.
-    """
-    data = document.at(at)
-    located: list[tuple[ErrorDetails, ErrorLocation]] = [
-        (detail, locate(detail["loc"], {} if data is None else data, model))
-        for detail in error.errors(include_url=False)
-        if not _is_echo(detail)
-    ]
-    problems: dict[FileProblem, None] = {}  # an ordered set
-    for detail, location in _resolve_unions(located):
-        path = (*at, *location.path)
-        problem = FileProblem(path, _message(detail, location), document.origin_of(path))
-        problems[_with_option(document, problem, detail)] = None
-    return sorted(problems, key=_order)
 
 
 @contextmanager
@@ -224,19 +201,6 @@ def _resolve_unions(
 ModelT = TypeVar("ModelT", bound=BaseModel)
 
 
-def load_model(
-    path: str | Path, model: type[ModelT], overrides: Sequence[str | Override] = ()
-) -> ModelT:
-    """The file at ``path``, with ``overrides`` (``a.b=c``) applied, as a ``model``.
-
-    Raises:
-        ConfigError: the file cannot be read, an override does not fit into it, or the result
-            breaks the model; the message lists every problem with file, line and key.
-
-    """
-    return validate(apply_overrides(load_yaml(path), overrides), model)
-
-
 def validate(document: YamlDocument, model: type[ModelT], at: KeyPath = ()) -> ModelT:
     """The part of ``document`` at path ``at`` as a ``model``; a null part counts as empty.
 
@@ -253,12 +217,22 @@ def validate(document: YamlDocument, model: type[ModelT], at: KeyPath = ()) -> M
 def check(
     document: YamlDocument, model: type[ModelT], at: KeyPath = ()
 ) -> tuple[ModelT | None, list[FileProblem]]:
-    """Like ``validate``, but returns the problems, so that the caller can add further ones."""
+    """Like ``validate``, but returns the problems, in the order of the file, to add others to."""
     data = document.at(at)
+    data = {} if data is None else data
     try:
         # Strict: text is not converted to a number, nor a truth value to 1. Through JSON, because
         # strict JSON mode accepts a list for a tuple and text for an enum.
-        text = json.dumps({} if data is None else data)
-        return model.model_validate_json(text, strict=True), []
+        return model.model_validate_json(json.dumps(data), strict=True), []
     except ValidationError as error:
-        return None, problems_of(error, document, model, at)
+        located: list[tuple[ErrorDetails, ErrorLocation]] = [
+            (detail, locate(detail["loc"], data, model))
+            for detail in error.errors(include_url=False)
+            if not _is_echo(detail)
+        ]
+    problems: dict[FileProblem, None] = {}  # an ordered set
+    for detail, location in _resolve_unions(located):
+        path = (*at, *location.path)
+        problem = FileProblem(path, _message(detail, location), document.origin_of(path))
+        problems[_with_option(document, problem, detail)] = None
+    return None, sorted(problems, key=_order)

@@ -35,63 +35,24 @@ _MAX_KEPT = 4
 """Number of sessions that are kept for a reset with the same seed."""
 
 
-class Episodes:
-    """Sessions by seed of a family or a world's mission, an agent in the place of one stage.
-
-    They are the same as in a suite, but for what is ``changed`` of a Session.
-
-    Raises:
-        InputError: it is neither or both, or one of the names does not exist.
-
-    """
-
-    def __init__(
-        self,
-        action: str,
-        family: str | None,
-        difficulty: float | tuple[float, float],
-        world: str | None,
-        mission: str | None,
-        stack: str | None,
-        changes: Settings,
-        **changed: Any,
-    ) -> None:
-        agent = ACTIONS[action]
-        overrides = (*override_texts(changes), f"{agent.kind}={agent.name}")
-        file = "" if stack is None else str(find("stack", stack).absolute())
-        case = Case(0, family or world or "", stack=file, overrides=overrides)
-        if family is not None and world is None and mission is None:
-            checked = EntrySpec(family=family, difficulty=difficulty)
-            self._case = replace(case, family=family, difficulty=checked.difficulty)
-        elif family is None and world is not None and mission is not None:
-            files = [find("world", world).absolute(), find_mission(world, mission).absolute()]
-            self._case = replace(case, world=str(files[0]), mission=str(files[1]))
-        else:
-            raise InputError(
-                "expected either a family, or a world and a mission: "
-                'gymnasium.make("navfw/Mission-v0", world="office", mission="lobby-to-lab")'
-            )
-        self._registry, self._changed = default_registry(), changed
-        for plugin in ACTIONS.values():
-            self._registry.register(plugin, "navfw.gym")
-        self._kept: dict[int, Session] = {}
-
-    def session(self, seed: int) -> Session:
-        """The run of ``seed``, which determines the world of a family, and all noise.
-
-        The last few are kept.
-
-        Raises:
-            InputError: the seed is out of range, or world, mission or stack is wrong.
-
-        """
-        parse_seeds(f"{seed}:{seed + 1}")
-        if seed not in self._kept:
-            made = replace(self._case, seed=seed).session(self._registry)
-            while len(self._kept) >= _MAX_KEPT:
-                del self._kept[next(iter(self._kept))]
-            self._kept[seed] = replace(made, **self._changed)
-        return self._kept[seed]
+def _first_case(
+    family: str | None,
+    difficulty: float | tuple[float, float],
+    world: str | None,
+    mission: str | None,
+) -> Case:
+    """The run of seed 0 of a family, or of a world's mission."""
+    case = Case(0, family or world or "")
+    if family is not None and world is None and mission is None:
+        checked = EntrySpec(family=family, difficulty=difficulty)
+        return replace(case, family=family, difficulty=checked.difficulty)
+    if family is None and world is not None and mission is not None:
+        files = [find("world", world).absolute(), find_mission(world, mission).absolute()]
+        return replace(case, world=str(files[0]), mission=str(files[1]))
+    raise InputError(
+        "expected either a family, or a world and a mission: "
+        'gymnasium.make("navfw/Mission-v0", world="office", mission="lobby-to-lab")'
+    )
 
 
 class RewardWeights(StrictModel):
@@ -200,11 +161,19 @@ class MissionEnv(gymnasium.Env[Seen, Any]):
         self._weights = validate(YamlDocument("reward", reward or {}), RewardWeights)
         coarse = coarse or not drawn
         changes = *(() if drawn else UNDRAWN), *(COARSE if coarse else ()), *override_texts(changes)
-        worlds = action, family, difficulty, world, mission, stack, changes
-        self._episodes = Episodes(*worlds, drawn=drawn, coarse=coarse)
-        self._stack = stack_like = self._episodes.session(self._seeds[0]).stack
+        self._agent_class = agent = ACTIONS[action]
+        self._case = replace(
+            _first_case(family, difficulty, world, mission),
+            stack="" if stack is None else str(find("stack", stack).absolute()),
+            overrides=(*changes, f"{agent.kind}={agent.name}"),
+        )
+        self._registry = default_registry()
+        self._changed: dict[str, Any] = {"drawn": drawn, "coarse": coarse}
+        for plugin in ACTIONS.values():
+            self._registry.register(plugin, "navfw.gym")
+        self._kept: dict[int, Session] = {}
+        self._stack = stack_like = self._session(self._seeds[0]).stack
         self._view = AgentView(KINDS[observation](stack_like), stack_like)
-        self._agent_class = ACTIONS[action]
         self.observation_space = self._view.space
         self.action_space = self._agent_class.action_space(stack_like)
         self.render_mode = render_mode
@@ -228,7 +197,7 @@ class MissionEnv(gymnasium.Env[Seen, Any]):
         self.close()
         drawn = int(self.np_random.integers(self._seeds[0], self._seeds[-1], endpoint=True))
         self._seed = drawn if seed is None else seed
-        session = self._episodes.session(self._seed)
+        session = self._session(self._seed)
         self._run = SteppedSession(session, compiled=self._compiled)
         self._compiled = True
         self._stack = session.stack
@@ -290,6 +259,16 @@ class MissionEnv(gymnasium.Env[Seen, Any]):
     def behaviors(self) -> tuple[str, ...]:
         """The behaviours of the stack, in the order of the weights of an action."""
         return tuple(self._stack.mofis.behaviors)
+
+    def _session(self, seed: int) -> Session:
+        """The run of ``seed``, which determines the world of a family, and all noise."""
+        parse_seeds(f"{seed}:{seed + 1}")
+        if seed not in self._kept:
+            made = replace(self._case, seed=seed).session(self._registry)
+            while len(self._kept) >= _MAX_KEPT:
+                del self._kept[next(iter(self._kept))]
+            self._kept[seed] = replace(made, **self._changed)
+        return self._kept[seed]
 
     _last: TickView
 

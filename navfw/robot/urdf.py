@@ -91,15 +91,20 @@ class UrdfModel:
     massless: frozenset[str]
     wheel_radii: dict[str, float]
 
+    def above(self, link: str) -> list[UrdfJoint]:
+        """The joints from ``link`` up to the root link."""
+        by_child = {joint.child: joint for joint in self.joints.values()}
+        chain: list[UrdfJoint] = []
+        while link in by_child and len(chain) < len(self.links):
+            chain.append(by_child[link])
+            link = chain[-1].parent
+        return chain
+
     def frame_of(self, link: str) -> Array:
         """Transform (4, 4) from ``link`` to the root link, all joints at zero."""
-        by_child = {joint.child: joint for joint in self.joints.values()}
         frame: Array = np.eye(4)
-        for _ in self.links:
-            joint = by_child.get(link)
-            if joint is None:
-                break
-            frame, link = product(joint.frame, frame), joint.parent
+        for joint in self.above(link):
+            frame = product(joint.frame, frame)
         return frame
 
 

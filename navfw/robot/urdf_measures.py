@@ -42,14 +42,6 @@ _ROUNDING = 1.02
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 
-def inertia_notes(robot: RobotModel) -> tuple[str, ...]:
-    """What to tell of the inertia of a checked robot, a line for each link."""
-    if robot.urdf is None:
-        return ()
-    model = read_urdf(Path(robot.urdf.file), robot.urdf.packages)
-    return tuple(note for note, _ in impossible_inertias(robot, model).values())
-
-
 def impossible_inertias(
     robot: RobotModel, model: UrdfModel
 ) -> dict[str, tuple[str, tuple[float, ...]]]:
@@ -161,22 +153,10 @@ def _sides(model: UrdfModel, said: dict[str, Any]) -> tuple[list[str], list[str]
     """The wheel joints, left and right: those named, or all pairs that nothing movable carries."""
     if said.get("left") and said.get("right"):
         return list(said["left"]), list(said["right"])
-    moved = {joint.child for joint in model.joints.values() if joint.movable}
-    parents = {joint.child: joint.parent for joint in model.joints.values()}
-
-    def carried(link: str | None) -> bool:
-        for _ in model.links:
-            if link is None or link in moved:
-                return link is not None
-            link = parents.get(link)
-        return False
-
     wheels = [
         joint
         for joint in model.joints.values()
-        if joint.kind == "continuous"
-        and abs(axis_across(model, joint.name)) >= ACROSS
-        and not carried(joint.parent)
+        if _rolls(model, joint) and not any(above.movable for above in model.above(joint.parent))
     ]
     at = {joint.name: float(model.frame_of(joint.child)[1, 3]) for joint in wheels}
     middle = sum(at.values()) / max(len(at), 1)
@@ -198,11 +178,13 @@ def _casters(model: UrdfModel, wheels: list[UrdfJoint]) -> list[str]:
         joint.name
         for joint in model.joints.values()
         if joint.name not in names
-        and (
-            re.search("cast[eo]r", f"{joint.name} {joint.child}".lower())
-            or (joint.kind == "continuous" and abs(axis_across(model, joint.name)) >= ACROSS)
-        )
+        and (re.search("cast[eo]r", f"{joint.name} {joint.child}".lower()) or _rolls(model, joint))
     ]
+
+
+def _rolls(model: UrdfModel, joint: UrdfJoint) -> bool:
+    """Whether the joint turns without end about an axis across the body."""
+    return joint.kind == "continuous" and abs(axis_across(model, joint.name)) >= ACROSS
 
 
 def _extent(model: UrdfModel, origin: Array) -> tuple[Array, Array] | None:
@@ -270,7 +252,7 @@ def robot_notes(robot: RobotModel) -> tuple[str, ...]:
     if urdf.camera is None and not {"mount_height"} & robot.camera.model_fields_set:
         height = robot.camera.mount_height
         notes.append(f"{shown_path(file)} has no camera: taken to be {height:g} m above the floor")
-    return (*inertia_notes(robot), *notes)
+    return (*(note for note, _ in impossible_inertias(robot, model).values()), *notes)
 
 
 def _pairs(at: str, read: dict[str, Any], own: dict[str, Any]) -> list[tuple[str, float, float]]:

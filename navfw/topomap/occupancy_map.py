@@ -19,10 +19,11 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import BeforeValidator, ConfigDict, Field, model_validator
 
+from navfw.config.document import load_yaml
 from navfw.config.image_file import read_image
 from navfw.config.input_file import shown_path
 from navfw.config.strict_model import StrictModel
-from navfw.config.yamlfile import load_model
+from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, MapError
 from navfw.numerics import Array, Mask
 from navfw.process.atomic import atomic_file, write_text
@@ -175,7 +176,7 @@ def load_ros_map(path: str | Path) -> OccupancyMap:
 
     """
     path = Path(path)
-    spec = load_model(path, RosMapSpec)
+    spec = validate(load_yaml(path), RosMapSpec)
     return plan_of_image(_image_path(path, spec.image), spec, path)
 
 

@@ -1,17 +1,15 @@
 from __future__ import annotations
 
 import enum
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import pytest
-from cli_calls import put_file
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from navfw.config.document import parse_yaml
 from navfw.config.error_location import parameters_of
 from navfw.config.overrides import apply_overrides
-from navfw.config.yamlfile import MAX_LISTED, check, load_model, validate
+from navfw.config.yamlfile import MAX_LISTED, check, validate
 from navfw.errors import ConfigError
 from navfw.robot import RobotModel
 
@@ -159,9 +157,9 @@ def test_a_union_and_an_invalid_item_of_a_short_list_are_one_problem() -> None:
     assert "places.a.tags[0]: expected text, got 1" in line
 
 
-def test_a_valid_file_becomes_the_model(tmp_path: Path) -> None:
+def test_a_valid_file_becomes_the_model() -> None:
     text = GOOD + "one: {kind: box, size: [1, 2]}\nlight: dim\nheight: 3\nfrom: a\n"
-    world = load_model(put_file(tmp_path, "w.yaml", text), World)
+    world = validate(parse_yaml(text), World)
     assert world.one == Box(kind="box", size=(1.0, 2.0))
     assert (world.light, world.height, world.from_) == (Light.DIM, 3.0, "a")
 
@@ -183,8 +181,8 @@ def test_check_returns_the_problems() -> None:
     assert result is not None and problems == []
 
 
-def test_overrides_change_add_and_index(tmp_path: Path) -> None:
-    path = put_file(tmp_path, "w.yaml", GOOD + "shapes:\n- {kind: box, size: [1, 2]}\n")
+def test_overrides_change_add_and_index() -> None:
+    document = parse_yaml(GOOD + "shapes:\n- {kind: box, size: [1, 2]}\n")
     overrides = (
         "rooms.0.name=lab",
         "rooms.lab.doors=3",
@@ -194,7 +192,7 @@ def test_overrides_change_add_and_index(tmp_path: Path) -> None:
         "places.lab.name='7'",
         "from=a=b",
     )
-    world = load_model(path, World, overrides)
+    world = validate(apply_overrides(document, overrides), World)
     assert (world.rooms[0].name, world.rooms[0].doors) == ("lab", 3)
     assert world.shapes[0] == Box(kind="box", size=(1.0, 5.0))
     assert world.one == Cylinder(kind="cylinder", radius=2)

@@ -13,7 +13,7 @@ from navfw.missions.missionfile import load_mission
 from navfw.missions.session_setup import split_overrides
 from navfw.robot import RobotModel, load_robot
 from navfw.robot.urdf import read_urdf
-from navfw.robot.urdf_measures import inertia_notes
+from navfw.robot.urdf_measures import robot_notes
 from navfw.sim import SensorParams
 
 MISSION = "start: [1, 1, 0]\ngoals: [{x: 3, y: 1}]\n"
@@ -200,6 +200,10 @@ def test_wrong_urdfs(project: Path, old: str, new: str, message: str) -> None:
 CART = '<inertia ixx="0.08" iyy="0.14" izz="0.18" ixy="0" ixz="0" iyz="0"/>'
 CASTER = '<inertia ixx="0.00005" iyy="0.00005" izz="0.00005" ixy="0" ixz="0" iyz="0"/>'
 WHEEL = '<inertia ixx="0.0008" iyy="0.0014" izz="0.0008" ixy="0" ixz="0" iyz="0"/>'
+
+
+def inertia_notes(robot: RobotModel) -> tuple[str, ...]:
+    return tuple(note for note in robot_notes(robot) if "principal moments" in note)
 
 
 @pytest.mark.parametrize(
