@@ -25,7 +25,7 @@ from navfw.localmap.ray_kernels import (
 from navfw.numerics import Array
 from navfw.robot import RobotModel
 from navfw.signals import Pose, Twist
-from navfw.signals.immutability import freeze, read_only
+from navfw.signals.immutability import Frozen, read_only
 
 _SECTORS = 48  # chosen
 
@@ -33,7 +33,7 @@ _BEARINGS = read_only(np.linspace(-math.pi, math.pi, _SECTORS + 1)[1:])  # defin
 
 
 @dataclass(frozen=True, slots=True)
-class Arcs:
+class Arcs(Frozen):
     """Free distance along the arc of every command; arrays (n_v, n_w) [m] but for ``turn``.
 
     ``free`` is the length until the body would touch an occupied cell (driving backward, also one
@@ -48,9 +48,6 @@ class Arcs:
     clearance: Array
     turn: Array
     reach: float
-
-    def __post_init__(self) -> None:
-        freeze(self, "free", "observed", "clearance", "turn")
 
 
 class FreeDistance(NamedTuple):
@@ -160,7 +157,7 @@ def _start(pose: Pose) -> Start:
 
 
 @dataclass(frozen=True)  # without slots: the cached properties serve many behaviours
-class Ranges:
+class Ranges(Frozen):
     """Distances [m] from the robot's rim in all directions, by rays of ``limit`` from base_link.
 
     ``bearings`` (n,) [rad, left positive] in (-pi, pi]; ``free`` (n,) to the first occupied cell,
@@ -171,9 +168,6 @@ class Ranges:
     free: Array
     observed: Array
     limit: float
-
-    def __post_init__(self) -> None:
-        freeze(self, "bearings", "free", "observed")
 
     def nearest(self, low: float, high: float) -> float:
         """Return the least ``free`` [m] for bearings in [low, high] [rad]; ``limit`` if none is."""

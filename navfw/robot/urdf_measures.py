@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import re
-from itertools import product as combinations
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,14 @@ from navfw.errors import ConfigError
 from navfw.numerics import Array
 from navfw.numerics.products import product, sum_in_order
 from navfw.robot import CameraModel, RobotModel
-from navfw.robot.urdf import UrdfJoint, UrdfModel, attribute_numbers, origin_frame, read_urdf
+from navfw.robot.urdf import (
+    UrdfCollision,
+    UrdfJoint,
+    UrdfModel,
+    attribute_numbers,
+    origin_frame,
+    read_urdf,
+)
 from navfw.robot.urdf_drive import ACROSS, axis_across
 
 _DENSITY = 1000.0
@@ -58,7 +65,7 @@ def impossible_inertias(
     total = sum_in_order(mass for mass, _ in model.inertials.values())
     impossible = {}
     for link, (mass, inertial) in model.inertials.items():
-        element, corners = inertial.find("inertia"), _corners(model, link)
+        element = inertial.find("inertia")
         if element is None:
             continue
         moments = (attribute_numbers(model.file, element, key, [0.0])[0] for key in _MOMENTS)
@@ -66,10 +73,11 @@ def impossible_inertias(
         matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         low, middle, high = np.linalg.eigvalsh(matrix).tolist()
         size, reach = np.full(3, (mass / _DENSITY) ** (1.0 / 3.0)), _WIDE_ROOM * extent
-        if len(corners):
+        shapes = _extent((c, c.frame) for c in model.collisions if c.link == link)
+        if shapes is not None:
             centre = origin_frame(model.file, inertial.find("origin"))[:3, 3]
-            size = np.ptp(corners, axis=0)
-            reach = _ROOM * max(math.dist(corner, centre) for corner in corners)
+            size = shapes[1] - shapes[0]
+            reach = _ROOM * math.hypot(*np.abs(np.array(shapes) - centre).max(axis=0))
         squares = size * size
         box = tuple((mass / 12.0 * (squares.sum() - squares)).tolist())
         closed = low > _MIN_MOMENT * min(box) and high <= _ROUNDING * (low + middle)
@@ -83,17 +91,6 @@ def impossible_inertias(
         )
         impossible[link] = note, box
     return impossible
-
-
-def _corners(model: UrdfModel, link: str) -> Array:
-    """Corners (n, 3) [m] of boxes around the shapes of a link; none if it has none, or a mesh."""
-    corners = [np.zeros((0, 3))]
-    for collision in (c for c in model.collisions if c.link == link):
-        if collision.size is None:
-            return corners[0]
-        own = 0.5 * collision.size * list(combinations((-1.0, 1.0), repeat=3))
-        corners.append(product(own, collision.frame[:3, :3].T) + collision.frame[:3, 3])
-    return np.concatenate(corners)
 
 
 _SENSORS = ("camera", "depth", "rgbd_camera")
@@ -134,9 +131,10 @@ def measured(model: UrdfModel, said: dict[str, Any]) -> dict[str, Any]:
     ahead = float(said.get("turning_point") or 0.0)
     middle = centres[:, :2].mean(axis=0)
     floor = float(centres[:, 2].min()) - float(said.get("wheel_radius") or radius)
-    extent = _extent(model, np.array([middle[0] + ahead, middle[1], floor]))
+    shapes = ((c, product(model.frame_of(c.link), c.frame)) for c in model.collisions)
+    extent = _extent(shapes)
     if extent is not None:
-        low, high = extent
+        low, high = extent - np.array([middle[0] + ahead, middle[1], floor])
         width = 2.0 * max(-low[1], high[1])
         body = {"front": high[0], "rear": -low[0], "width": width}
         values["footprint"] = {key: round(float(size), _PLACES) for key, size in body.items()}
@@ -187,13 +185,12 @@ def _rolls(model: UrdfModel, joint: UrdfJoint) -> bool:
     return joint.kind == "continuous" and abs(axis_across(model, joint.name)) >= ACROSS
 
 
-def _extent(model: UrdfModel, origin: Array) -> tuple[Array, Array] | None:
-    """Least and greatest (3,) [m] of the collision shapes, from ``origin``; None with meshes."""
+def _extent(shapes: Iterable[tuple[UrdfCollision, Array]]) -> tuple[Array, Array] | None:
+    """Least and greatest (3,) [m] of shapes at frames (4, 4); None without any, or with a mesh."""
     lows, highs = [], []
-    for collision in model.collisions:
+    for collision, frame in shapes:
         if collision.size is None:
             return None
-        frame = product(model.frame_of(collision.link), collision.frame)
         turn, half = frame[:3, :3], 0.5 * collision.size
         if collision.shape.tag == "box":
             reach = product(np.abs(turn), half)
@@ -202,8 +199,8 @@ def _extent(model: UrdfModel, origin: Array) -> tuple[Array, Array] | None:
             reach = half[2] * np.abs(turn[:, 2]) + collision.radius * across
         else:
             reach = np.full(3, collision.radius)
-        lows.append(frame[:3, 3] - origin - reach)
-        highs.append(frame[:3, 3] - origin + reach)
+        lows.append(frame[:3, 3] - reach)
+        highs.append(frame[:3, 3] + reach)
     return (np.min(lows, axis=0), np.max(highs, axis=0)) if lows else None
 
 

@@ -9,11 +9,11 @@ from typing import Any, Literal, Self
 
 from navfw.numerics.arrays import Array
 from navfw.signals.geometry import Pose, Twist, position_sigma
-from navfw.signals.immutability import freeze
+from navfw.signals.immutability import Frozen
 
 
 @dataclass(frozen=True, slots=True)
-class LandmarkDetection:
+class LandmarkDetection(Frozen):
     """A landmark recognised in one image: bearing [rad, left positive] and range [m] in base_link.
 
     ``covariance`` (2, 2) is of (bearing, range); ``identity`` is the landmark's id in the map file.
@@ -25,12 +25,9 @@ class LandmarkDetection:
     range: float
     covariance: Array
 
-    def __post_init__(self) -> None:
-        freeze(self, "covariance")
-
 
 @dataclass(frozen=True, slots=True)
-class Belief:
+class Belief(Frozen):
     """The localiser's estimate: ``pose`` in ``map`` with ``covariance`` (3, 3) of (x, y, yaw).
 
     ``places`` gives the probability of each place of the topological map (may be empty).
@@ -48,9 +45,6 @@ class Belief:
     lost: bool = False
     updates: int = 0
     hypotheses: int = 0
-
-    def __post_init__(self) -> None:
-        freeze(self, "covariance", "places")
 
     @property
     def sigma(self) -> float:
@@ -129,7 +123,7 @@ def _no_rules(row: int, column: int) -> Sequence[Mapping[str, Any]]:
 
 
 @dataclass(frozen=True, slots=True)
-class Proposal:
+class Proposal(Frozen):
     """The rating of all commands of the grid by one behaviour (METHOD 3.6).
 
     ``applicability`` in [0, 1]; ``desirability`` and ``prohibition`` are (n_v, n_w) in [0, 1];
@@ -142,9 +136,6 @@ class Proposal:
     reason: str
     explain: Explain = _no_rules
 
-    def __post_init__(self) -> None:
-        freeze(self, "desirability", "prohibition")
-
     def weighted(self, weight: float) -> Proposal:
         """The same proposal with its applicability scaled by ``weight``."""
         if weight == 1.0:
@@ -154,7 +145,7 @@ class Proposal:
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
+class Command(Frozen):
     """The fused command: ``twist``, the leading behaviour, and its reason.
 
     ``emergency`` makes LOCOM brake fully. ``weights`` gives each behaviour's share.
@@ -167,6 +158,3 @@ class Command:
     emergency: bool = False
     weights: Mapping[str, float] = field(default_factory=dict)
     explanation: Mapping[str, Any] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        freeze(self, "weights", "explanation")

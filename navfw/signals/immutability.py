@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import MutableMapping
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
 _LEAVES = frozenset((float, str, int, bool, type(None)))
-_MAPPINGS = (MutableMapping, MappingProxyType)
+_MAPPINGS = (dict, MappingProxyType)
 """Mappings that are copied; a mapping of any other type has to be immutable itself."""
-_REPLACED = (np.ndarray, dict, tuple, *_MAPPINGS)
+_REPLACED = (tuple, *_MAPPINGS)
 ArrayT = TypeVar("ArrayT", bound=np.ndarray[Any, Any])
 
 
@@ -20,7 +19,7 @@ def read_only(array: ArrayT) -> ArrayT:
     if not array.flags.writeable:
         return array
     copy = array.copy()
-    copy.flags.writeable = False
+    copy.setflags(write=False)
     return copy
 
 
@@ -29,7 +28,7 @@ def immutable(value: Any) -> Any:
     kind = type(value)
     if kind in _LEAVES:
         return value
-    if kind is dict or isinstance(value, _MAPPINGS):
+    if isinstance(value, _MAPPINGS):
         # most items are leaves: no need of a call for each
         return MappingProxyType(
             {key: v if type(v) in _LEAVES else immutable(v) for key, v in value.items()}
@@ -41,15 +40,23 @@ def immutable(value: Any) -> Any:
     return frozenset(value) if kind is set else value
 
 
-def freeze(instance: object, *names: str) -> None:
-    """Make the fields ``names`` of a frozen dataclass immutable; for its ``__post_init__``.
+class Frozen:
+    """A base of frozen dataclasses: arrays, mappings and tuples in them become immutable copies.
 
-    Arrays, mappings and tuples are replaced by immutable copies. Any other value stays as it is:
-    it is for the checks of what a plugin returns to refuse it.
+    Any other value stays as it is: it is for the checks of what a plugin returns to refuse it.
     """
-    for name in names:
-        if isinstance(value := getattr(instance, name), _REPLACED):
-            object.__setattr__(instance, name, immutable(value))
+
+    __slots__ = ()
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    def __post_init__(self) -> None:
+        """Replace what can be changed."""
+        for name in self.__dataclass_fields__:
+            value = getattr(self, name)
+            if isinstance(value, np.ndarray):
+                object.__setattr__(self, name, read_only(value))
+            elif type(value) not in _LEAVES and isinstance(value, _REPLACED):
+                object.__setattr__(self, name, immutable(value))
 
 
 class Sealed:

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.numerics.arrays import Array
-from navfw.signals.immutability import freeze
+from navfw.signals.immutability import Frozen
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +25,7 @@ class OccupiedDisc:
 
 
 @dataclass(frozen=True, slots=True)
-class Conflicts:
+class Conflicts(Frozen):
     """Closest approach to moving obstacles for every command; arrays (n_v, n_w).
 
     ``distance`` [m] is the distance at closest approach, rim to rim, within the horizon; negative
@@ -38,9 +38,6 @@ class Conflicts:
     time: Array
     approach: Array
     nearest: float
-
-    def __post_init__(self) -> None:
-        freeze(self, "distance", "time", "approach")
 
 
 class Label(IntEnum):
@@ -78,7 +75,7 @@ class Sight(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class MovingObject:
+class MovingObject(Frozen):
     """A detection of an object that moves by itself, at ``time`` [s].
 
     ``bearing`` [rad from ahead, left positive] and half the angular ``width`` [rad] are seen from
@@ -95,9 +92,6 @@ class MovingObject:
     information: Array
     evidence: Array
 
-    def __post_init__(self) -> None:
-        freeze(self, "information", "evidence")
-
     def velocity(self, usual: float = 0.4) -> tuple[float, float]:
         """(ahead, left) [m/s] under a prior of zero mean and sigma ``usual`` [m/s] per axis."""
         prior = np.eye(2) / usual**2
@@ -108,7 +102,7 @@ class MovingObject:
 
 
 @dataclass(frozen=True, slots=True)
-class Percept:
+class Percept(Frozen):
     """OFFIS' interpretation of one flow field (paper sec 4 and 5).
 
     Metric part, arrays (rows, cols) on the flow's grid: ``nearness`` [1/m], ``sigma`` [1/m],
@@ -140,10 +134,6 @@ class Percept:
     sentence: str
     explanation: Mapping[str, Any] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        freeze(self, "points", "nearness", "sigma", "confidence", "height", "label")
-        freeze(self, "obstacles", "quadrants", "planes", "slopes", "situations", "explanation")
-
     @property
     def sees_depth(self) -> bool:
         """Whether any cell knows its nearness."""
@@ -155,7 +145,7 @@ class Percept:
 
 
 @dataclass(frozen=True, slots=True)
-class Stixels:
+class Stixels(Frozen):
     """The nearest upright obstacle in each image column (stixel), at ``time`` [s].
 
     Arrays (n,), by column: ``slope`` [m/m] is the advance of the ray to the left per metre ahead,
@@ -168,9 +158,6 @@ class Stixels:
     nearness: Array
     sigma: Array
     confidence: Array
-
-    def __post_init__(self) -> None:
-        freeze(self, "slope", "nearness", "sigma", "confidence")
 
     def explain(self) -> list[dict[str, float]]:
         """The stixels with any confidence, from left to right, as plain data."""

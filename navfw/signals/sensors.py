@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from navfw.numerics.arrays import Array, Image
 from navfw.numerics.products import product
 from navfw.signals.geometry import Pose, Twist
-from navfw.signals.immutability import freeze
+from navfw.signals.immutability import Frozen
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class Frame(Frozen):
     """One camera image: ``image`` (height, width) uint8 luminance, taken at ``time`` [s].
 
     ``sides`` are the left and right side views of the same time, if the robot has a wider lens
@@ -22,9 +22,6 @@ class Frame:
     time: float
     image: Image
     sides: tuple[Image, ...] = ()
-
-    def __post_init__(self) -> None:
-        freeze(self, "image", "sides")
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +87,7 @@ class Odometry:
 
 
 @dataclass(frozen=True, slots=True)
-class CameraMotion:
+class CameraMotion(Frozen):
     """How the camera moved from a past frame to the current one.
 
     ``rotation`` (3, 3) turns vectors given in the past camera's axes into the current camera's
@@ -106,9 +103,6 @@ class CameraMotion:
     yaw_sigma: float = 0.0
     translation_sigma: float = 0.0
     skid_sigma: float = 0.0
-
-    def __post_init__(self) -> None:
-        freeze(self, "rotation", "translation")
 
     @property
     def baseline(self) -> float:
@@ -139,7 +133,7 @@ class YawCorrection:
 
 
 @dataclass(frozen=True, slots=True)
-class FlowField:
+class FlowField(Frozen):
     """Optical flow on a regular sparse grid over the CURRENT image (paper sec 3).
 
     ``points`` (rows, cols, 2) [px, relative to the principal point] are the grid points in the
@@ -160,9 +154,6 @@ class FlowField:
     motion: CameraMotion
     derotated: bool = False
     inconsistency: Array | None = None
-
-    def __post_init__(self) -> None:
-        freeze(self, "points", "vectors", "confidence", "sigma", "inconsistency")
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -28,7 +28,7 @@ from navfw.errors import ConfigError, MapError
 from navfw.numerics import Array, Mask
 from navfw.process.atomic import atomic_file, write_text
 from navfw.signals import Pose
-from navfw.signals.immutability import freeze
+from navfw.signals.immutability import read_only
 from navfw.topomap.mapspec import Coordinate
 
 Cells = npt.NDArray[np.int8]
@@ -74,8 +74,8 @@ class OccupancyMap:
                 "enlarge its resolution by the same factor",
                 file=self.file,
             )
-        object.__setattr__(self, "cells", np.asarray(self.cells, dtype=np.int8))
-        freeze(self, "cells")
+        cells = read_only(np.asarray(self.cells, dtype=np.int8))
+        object.__setattr__(self, "cells", cells)
 
     @property
     def free(self) -> Mask:
