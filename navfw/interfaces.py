@@ -13,8 +13,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from pydantic import BaseModel, ConfigDict
-
+from navfw.config.strict_model import StrictModel
 from navfw.numerics import Image
 from navfw.robot import RobotModel
 from navfw.signals import (
@@ -41,14 +40,12 @@ if TYPE_CHECKING:
     from navfw.topomap import TopoMap
 
 
-class Params(BaseModel):
+class Params(StrictModel):
     """The base of every plugin's parameters: unknown keys are errors, values are frozen.
 
     One declaration gives validation, listings (``navfw list plugins``), YAML and ``--set``
     overrides; give each field a ``Field(description=...)`` with its unit, and bounds.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class Plugin(ABC):

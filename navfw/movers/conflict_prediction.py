@@ -14,8 +14,9 @@ from typing import Annotated
 
 import numba
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from navfw.config.strict_model import StrictModel
 from navfw.movers.tracking import Track, TrackerParams
 from navfw.numerics import Array
 from navfw.robot import RobotModel
@@ -31,10 +32,8 @@ _MOMENT = 0.5  # chosen
 """Time over which the approach to close obstacles is taken [s]."""
 
 
-class ConflictParams(BaseModel):
+class ConflictParams(StrictModel):
     """How far ahead the motion of robot and moving obstacles is predicted."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     horizon: Annotated[float, Field(gt=0.0, le=10.0, description="prediction horizon [s]")] = 6.0
     turn_time: Annotated[
@@ -48,10 +47,8 @@ class ConflictParams(BaseModel):
     ] = 0.06
 
 
-class MoverParams(BaseModel):
+class MoverParams(StrictModel):
     """Whether moving objects are detected, and how they are tracked and predicted."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     detect: Annotated[bool, Field(description="detect moving objects")] = False
     tracking: TrackerParams = TrackerParams()

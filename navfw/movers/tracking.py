@@ -13,8 +13,9 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from navfw.config.strict_model import StrictModel
 from navfw.movers.localization import BORDER_ANGLE
 from navfw.numerics import Array
 from navfw.numerics.linear_systems import inverse, solve
@@ -55,10 +56,8 @@ _MAX_RANGE = 2.0  # chosen
 """Distance [m] up to which a moving object in view is expected to be detected."""
 
 
-class TrackerParams(BaseModel):
+class TrackerParams(StrictModel):
     """Association, motion model and life time of tracks."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     max_age_in_view: Annotated[
         Positive, Field(le=30.0, description="life of a track not detected again in view [s]")

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from navfw.config.strict_model import StrictModel
 from navfw.errors import InputError
@@ -62,14 +62,12 @@ class LensCalibration(StrictModel):
         )
 
 
-class CameraModel(BaseModel):
+class CameraModel(StrictModel):
     """A camera fixed to base_link, looking forward (camera_optical: x right, y down).
 
     To the stack it is a pinhole camera: with a calibration the stack makes its images straight, and
     ``hfov`` is that of the straight images.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     width: Annotated[int, Field(ge=32, le=1920, description="image width [px]")] = 160
     height: Annotated[int, Field(ge=24, le=1080, description="image height [px]")] = 120
@@ -175,14 +173,12 @@ class SideCamera(CameraModel):
         return np.asarray(product(turn, super().base_from_camera))
 
 
-class SideViews(BaseModel):
+class SideViews(StrictModel):
     """What the camera's lens shows beside its image: two more images, left and right of it.
 
     They are as high as the camera's image, with its focal length, taken at the same times. They
     serve the detection of moving objects; OFFIS takes the camera's image alone.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     width: Annotated[int, Field(ge=32, le=640, description="of each image [px]")] = 80
     overlap: Annotated[
@@ -190,13 +186,11 @@ class SideViews(BaseModel):
     ] = math.radians(5.0)
 
 
-class LandmarkCamera(BaseModel):
+class LandmarkCamera(StrictModel):
     """The same camera read out for landmarks: more pixels, a low band of them, at a lower rate.
 
     Landmarks hang at about the camera's height, so a band around the image's middle holds them.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     width: Annotated[int, Field(ge=64, le=3840, description="image width [px]")] = 480
     height: Annotated[int, Field(ge=32, le=2160, description="image height [px]")] = 96

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from navfw.config.strict_model import StrictModel
 from navfw.robot import camera_models
@@ -52,20 +52,16 @@ class OdometrySheet(StrictModel):
     ] = 0.5
 
 
-class Footprint(BaseModel):
+class Footprint(StrictModel):
     """The ground that a body covers: a rectangle around base_link."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     front: Annotated[float, Field(ge=0.02, le=3.0, description="reach ahead of base_link [m]")]
     rear: Annotated[float, Field(ge=0.02, le=3.0, description="reach behind base_link [m]")]
     width: Annotated[float, Field(ge=0.06, le=4.0, description="[m]")]
 
 
-class DrivenUrdf(BaseModel):
+class DrivenUrdf(StrictModel):
     """A URDF file as the robot's body, driven by its own wheel joints."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     file: Annotated[
         str,
@@ -134,13 +130,11 @@ def _steps(begin: float, end: float, longest: float) -> list[float]:
     return [begin + (end - begin) * index / count for index in range(count + 1)]
 
 
-class RobotModel(BaseModel):
+class RobotModel(StrictModel):
     """A differential-drive robot with one camera, a gyro and wheel encoders.
 
     The body is round, or covers the rectangle ``footprint``; ``radius`` is then half its width.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     footprint: Annotated[Footprint | None, Field(description="of a body that is not round")] = None
     radius: Annotated[
