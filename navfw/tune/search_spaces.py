@@ -7,7 +7,6 @@ between them grow or shrink.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -160,11 +159,6 @@ class SearchSpace:
     def settings(self, trial: BaseTrial) -> dict[str, object]:
         """The values that a trial takes, by path, as for ``--set``."""
         return {c.path: c.suggest(trial) for c in self.coordinates}
-
-
-def overrides_of(settings: Mapping[str, object]) -> tuple[str, ...]:
-    """Values by path as arguments of ``--set``."""
-    return tuple(f"{path}={json.dumps(value)}" for path, value in settings.items())
 
 
 def search_space(

@@ -19,6 +19,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from navfw.config.input_file import is_file
 from navfw.config.lookup import find
+from navfw.config.overrides import override_texts
 from navfw.config.yaml_text import write_yaml_text
 from navfw.errors import ConfigError, InputError
 from navfw.plugins import Registry
@@ -30,7 +31,7 @@ from navfw.suite.case import Case
 from navfw.suite.run_row import RunRow
 from navfw.suite.suite_plan import plan_runs
 from navfw.suite.suitefile import Suite, parse_seeds
-from navfw.tune.search_spaces import SearchSpace, TunedVariant, overrides_of, search_space
+from navfw.tune.search_spaces import SearchSpace, TunedVariant, search_space
 from navfw.tune.trials import (
     SETTINGS,
     Drive,
@@ -268,7 +269,7 @@ class StackStudy:
             what = "no trial has been completed; give more --trials"
             raise InputError(what, file=folder) from None
         settings = dict(best.user_attrs[SETTINGS])
-        changes, stack = overrides_of(settings), folder / "stack.yaml"
+        changes, stack = override_texts(settings), folder / "stack.yaml"
         tuned = load_stack(find("stack", self.stack), self.registry, changes)
         about = f"tuned on the suite {self.identity['suite']} in {len(finished(study))} trials"
         described = {"description": f"{self.stack}, {about}", **tuned.as_data()}

@@ -13,11 +13,12 @@ from statistics import fmean
 import optuna
 from optuna.trial import FrozenTrial, TrialState
 
+from navfw.config.overrides import override_texts
 from navfw.errors import InputError, RuleBaseError, UnknownNameError
 from navfw.suite.case import Case, Job
 from navfw.suite.run_row import RunRow
 from navfw.suite.suite_run import Engine, answered_row
-from navfw.tune.search_spaces import SearchSpace, overrides_of
+from navfw.tune.search_spaces import SearchSpace
 
 CLEAR = 0.5
 """Clearance [m] from which more of it counts no more."""
@@ -147,7 +148,7 @@ def run_trials(
 
 def with_settings(cases: Sequence[Case], settings: Mapping[str, object]) -> list[Case]:
     """``cases`` with these values of the stack, over those that the suite sets."""
-    changes = overrides_of(settings)
+    changes = override_texts(settings)
     return [replace(case, overrides=(*case.overrides, *changes)) for case in cases]
 
 
