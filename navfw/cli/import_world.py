@@ -143,15 +143,16 @@ def _import_files(
 
 
 def _import_plan(source: Path, out: Path, options: ImportOptions, report: ProgressCallback) -> Made:
-    from navfw.worldgen.plan_exchange import import_plan, read_cleaning, read_plan
+    from navfw.worldgen.plan_exchange import import_plan, read_plan
     from navfw.worldgen.world_draft import MIN_PATH
 
-    steps = read_cleaning({"speckle": options.speckle, "gap": options.gap})
+    steps = {"speckle": options.speckle, "gap": options.gap}
+    cleaning = {name: value for name, value in steps.items() if value is not None}
     report("reading")
     inside: Any = numbers_of("--inside", options.inside, ("X", "Y"))
     named = _named(options.name or [])
     plan = read_plan(source, options.resolution)
-    made = import_plan(plan, source.stem, steps, report, inside, named)
+    made = import_plan(plan, source.stem, report, inside=inside, named=named, **cleaning)
     folder = made.write(out)
     (area, (x, y)), *others = made.pieces
     kinds = Counter(place.kind for place in made.topo_map.places.values())

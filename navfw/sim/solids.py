@@ -2,7 +2,7 @@
 
 Walls are cut into straight pieces between openings, with a lintel above each opening. Physics,
 rendering, scene geometry and its checks are all built from these solids. A mesh is several solids
-of one name, the boxes of its outline; physics and rendering use its triangles instead.
+of one name, its upright parts; physics and rendering use its triangles instead.
 
 A drop is a row of treads, each deeper than the one before; a pit has one tread only. Where two
 treads, or a tread and the floor, differ in height there is a wall that faces the lower one.
@@ -12,16 +12,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 
-from navfw.meshes.furniture_meshes import furniture_outline
 from navfw.numerics import Array
 from navfw.signals import Pose
 from navfw.sim.shapes import OVERLAP_TOLERANCE, Circle, Rectangle, Shape, overlap_depth
+from navfw.sim.upright_parts import furniture_parts
 from navfw.sim.worldspec import DropSpec, MeshSpec, OpeningSpec, WallSpec, WorldSpec
 
 Kind = Literal["wall", "lintel", "door", "box", "cylinder", "mesh", "drop", "mover"]
@@ -126,15 +126,16 @@ def solids_of(world: WorldSpec) -> list[Solid]:
     return solids
 
 
-def _mesh_solids(mesh: MeshSpec) -> list[Solid]:
-    """The boxes of a mesh's outline in the map."""
-    solids = []
-    for (x0, x1), (y0, y1), bottom, top in furniture_outline(mesh.file, mesh.scale, mesh.up):
-        middle = Pose(*mesh.at, mesh.yaw).to_parent(0.5 * (x0 + x1), 0.5 * (y0 + y1))
-        shape = Rectangle(*middle, 0.5 * (x1 - x0), 0.5 * (y1 - y0), mesh.yaw)
-        low, high = mesh.base + bottom, mesh.base + top
-        solids.append(Solid(mesh.name, "mesh", shape, low, high, mesh.texture))
-    return solids
+def _mesh_solids(mesh: MeshSpec) -> Iterator[Solid]:
+    """The upright parts of a mesh in the map."""
+    place = Pose(*mesh.at, mesh.yaw)
+    for part in furniture_parts(mesh.file, mesh.scale, mesh.up):
+        x, y = place.to_parent(part.shape.x, part.shape.y)
+        shape = replace(part.shape, x=x, y=y)
+        if isinstance(shape, Rectangle):
+            shape = replace(shape, yaw=shape.yaw + mesh.yaw)
+        low, high = mesh.base + part.bottom, mesh.base + part.top
+        yield Solid(mesh.name, "mesh", shape, low, high, mesh.texture)
 
 
 def _wall_solids(wall: WallSpec, gaps: dict[str, tuple[Rectangle, float]]) -> list[Solid]:

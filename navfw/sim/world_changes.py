@@ -272,7 +272,7 @@ class WorldChanges:
 def _blanked(world: WorldSpec, change: Textureless) -> list[Solid]:
     """The solids to cover: whole boxes and cylinders, the parts of walls within the area.
 
-    Meshes keep their texture: the boxes of their outline would hide their shape.
+    Meshes keep their texture: their upright parts would hide their shape.
     """
     blanked = []
     for solid in solids_of(world):

@@ -178,22 +178,8 @@ def _names(world: WorldSpec) -> Iterator[Problem]:
 
 def _textures(world: WorldSpec) -> Iterator[Problem]:
     textures = {*STOCK, *world.textures}
-    used: list[tuple[KeyPath, str | None]] = [
-        (("floor",), world.floor),
-        (("ceiling",), world.ceiling),
-    ]
-    for i, room in enumerate(world.rooms):
-        used += [(("rooms", i, key), getattr(room, key)) for key in ("floor", "walls", "ceiling")]
-    used += [
-        (("drops", i, key), getattr(drop, key))
-        for i, drop in enumerate(world.drops)
-        for key in ("texture", "walls")
-    ]
-    used += [((*path, "texture"), item.texture) for path, item in _bodies(world)]
-    trims = (("skirting", world.skirting), ("door_frames", world.door_frames))
-    used += [((key, "texture"), trim.texture) for key, trim in trims if trim is not None]
-    for path, name in used:
-        if name is not None and name not in textures:
+    for path, name, _ in world.texture_uses():
+        if name not in textures:
             yield path, f"unknown texture {name!r}: {did_you_mean(name, textures)}"
 
 
@@ -260,7 +246,7 @@ def _overlaps(world: WorldSpec) -> Iterator[Problem]:
             below = solid.top - OVERLAP_TOLERANCE <= other.bottom
             above = other.top - OVERLAP_TOLERANCE <= solid.bottom
             if other.name == solid.name:
-                continue  # the boxes of one mesh
+                continue  # the parts of one mesh
             if below or above or overlap_depth(solid.shape, other.shape) <= OVERLAP_TOLERANCE:
                 continue
             yield (*paths[solid.name], "at"), f"{solid.name!r} overlaps {other.name!r}"

@@ -8,8 +8,8 @@ from navfw.config.document import YamlDocument, load_yaml
 from navfw.config.yaml_text import key_text
 from navfw.config.yamlfile import validate
 from navfw.errors import WorldError
-from navfw.meshes.furniture_meshes import furniture_mesh
 from navfw.sim.textures import read_picture
+from navfw.sim.upright_parts import furniture_parts
 from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import WorldSpec
 
@@ -72,6 +72,6 @@ def _with_files(document: YamlDocument, world: WorldSpec, folder: Path) -> World
     for i, mesh in enumerate(world.meshes):
         path = str((folder / mesh.file).absolute())
         with document.locating(("meshes", i, "file")):
-            furniture_mesh(path, mesh.scale, mesh.up)
+            furniture_parts(path, mesh.scale, mesh.up)
         meshes[i] = mesh.model_copy(update={"file": path})
     return world.model_copy(update={"textures": textures, "meshes": tuple(meshes)})

@@ -5,13 +5,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
 from navfw.config.strict_model import StrictModel
+from navfw.config.yaml_text import KeyPath
 from navfw.features.landmark_appearance import check_landmark_kind, landmark_kind
 
 
@@ -50,6 +51,9 @@ Style = Literal[
 
 Look = Literal["plain", "photo"]
 """Looks of generated worlds (see ``navfw.worldgen.looks``)."""
+
+Role = Literal["floor", "wall", "ceiling", "thing", "person"]
+"""What a texture is used for."""
 
 
 class TextureSpec(StrictModel):
@@ -356,3 +360,27 @@ class WorldSpec(StrictModel):
     may_overlap: Annotated[
         bool, Field(description="whether solids may overlap (in imported worlds they do)")
     ] = False
+
+    def texture_uses(self) -> Iterator[tuple[KeyPath, str, Role]]:
+        """The textures of all surfaces: the keys that name them, their names and roles."""
+        yield ("floor",), self.floor, "floor"
+        if self.ceiling is not None:
+            yield ("ceiling",), self.ceiling, "ceiling"
+        sections: tuple[tuple[str, Mapping[str, Role]], ...] = (
+            ("rooms", {"floor": "floor", "walls": "wall", "ceiling": "ceiling"}),
+            ("walls", {"texture": "wall"}),
+            ("movers", {"texture": "person"}),
+            *(
+                (things, {"texture": "thing"})
+                for things in ("doors", "boxes", "cylinders", "meshes")
+            ),
+            ("drops", {"texture": "thing", "walls": "thing"}),
+        )
+        for section, roles in sections:
+            for i, item in enumerate(getattr(self, section)):
+                for key, role in roles.items():
+                    if (name := getattr(item, key)) is not None:
+                        yield (section, i, key), name, role
+        for trim in ("skirting", "door_frames"):
+            if (strip := getattr(self, trim)) is not None:
+                yield (trim, "texture"), strip.texture, "thing"

@@ -21,16 +21,17 @@ from numpy.lib.format import read_array
 from navfw.config.input_file import is_file, read_input
 from navfw.config.yamlfile import rewording
 from navfw.errors import ConfigError, InputError, WorldError
+from navfw.missions.missionfile import goals_map
 from navfw.missions.missionspec import MissionSpec
 from navfw.numerics import Array
 from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.shapes import Circle, Rectangle, Shape
+from navfw.sim.upright_parts import UprightPart
 from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import BoxSpec, CylinderSpec, WorldSpec
 from navfw.worldgen.looks import Palette
 from navfw.worldgen.sdf_reader import SdfWorld, read_sdf
-from navfw.worldgen.upright_parts import UprightPart
-from navfw.worldgen.world_draft import FAST_ROBOT, MISSION, POLES_STACK, ROBOT, write_world
+from navfw.worldgen.world_draft import FAST_ROBOT, MISSION, POLES_STACK, ROBOT, MadeWorld
 
 POLE_HEIGHT = 1.0
 """Height of BARN's poles [m]: in the files, half of their 1 m is below the ground."""
@@ -97,23 +98,18 @@ _MIN_HEIGHT = 0.02 - 1e-9
 """Least height of a solid above the floor [m], with a margin for rounding."""
 
 
-@dataclass(frozen=True)
-class ImportedWorld:
-    """A world and mission, the shortest path's length [m], the elements left out, and more.
+@dataclass(frozen=True, kw_only=True)
+class ImportedWorld(MadeWorld):
+    """The world of an SDF file; ``skipped`` are the elements left out.
 
-    ``meshes`` is the number of meshes that became boxes and cylinders.
+    ``shortest`` [m] is the length of the shortest path for the default robot, ``meshes`` the number
+    of meshes that became boxes and cylinders.
     """
 
-    world: WorldSpec
-    mission: MissionSpec
     shortest: float
     skipped: tuple[str, ...]
     barn: bool
     meshes: int
-
-    def write(self, folder: str | Path) -> Path:
-        """Write ``world.yaml`` and ``missions/cross.yaml``; raises as ``write_world``."""
-        return write_world(folder, self.world, {MISSION: self.mission}, None)
 
 
 def import_world(
@@ -158,7 +154,8 @@ def import_world(
     check_world(world, file=path)
     return ImportedWorld(
         world=world,
-        mission=_mission(path, start, goal, barn),
+        missions={MISSION: _mission(path, start, goal, barn)},
+        topo_map=goals_map([start[:2], goal]),
         shortest=_shortest_path(path, world, start, goal),
         skipped=tuple(content.unsupported),
         barn=barn,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
@@ -13,7 +14,7 @@ from navfw.interfaces import WorldFamily
 from navfw.missions.missionfile import goals_map
 from navfw.missions.missionspec import MissionSpec
 from navfw.sim.world_check import check_world
-from navfw.sim.worldspec import MAX_CONTRAST, Look
+from navfw.sim.worldspec import MAX_CONTRAST, Look, WorldSpec
 from navfw.worldgen.corridors import Corridors
 from navfw.worldgen.hard import Hard
 from navfw.worldgen.looks import LOOKS, with_contrast, with_look
@@ -23,8 +24,9 @@ from navfw.worldgen.rooms import Rooms
 from navfw.worldgen.world_draft import (
     MAP_FILE,
     MIN_PATH,
+    MISSION,
     ROBOT,
-    GeneratedWorld,
+    MadeWorld,
     Unsuitable,
     WorldDraft,
 )
@@ -36,6 +38,19 @@ _SHIPPED: dict[str, type[WorldFamily]] = {
 
 FAMILIES = tuple(_SHIPPED)
 """The names of the shipped families."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GeneratedWorld(MadeWorld):
+    """The world of a family.
+
+    ``shortest`` [m] is the length of the shortest path for the default robot, ``attempt`` the
+    number of discarded sub-seeds.
+    """
+
+    shortest: float
+    attempt: int
+
 
 _ATTEMPTS = 60
 """Largest number of sub-seeds tried; tested seeds need only a few."""
@@ -92,33 +107,35 @@ def generate(
             if not isinstance(draft, WorldDraft):
                 what = f"build returned {type(draft).__name__}, not a WorldDraft"
                 raise PluginError(what, key=f"family {family}")
-            return _finish(draft, family, seed, difficulty, attempt, contrast, look)
+            world = draft.world(f"{family}-{seed}")
+            check_world(world)
+            shortest = _shortest_path(draft)
         except Unsuitable:
             continue
+        return GeneratedWorld(
+            world=_with_surfaces(world, contrast, look, seed),
+            missions={MISSION: _mission(draft, family, difficulty, shortest)},
+            topo_map=draft.topo_map or goals_map([draft.start[:2], draft.goal]),
+            shortest=shortest,
+            attempt=attempt,
+        )
     raise InputError(
         f"{family} with seed {seed} and difficulty {difficulty:g} gave no traversable world in"
         f" {_ATTEMPTS} attempts; choose another seed"
     )
 
 
-def _finish(
-    draft: WorldDraft,
-    family: str,
-    seed: int,
-    difficulty: float,
-    attempt: int,
-    contrast: float | None,
-    look: Look | None,
-) -> GeneratedWorld:
-    """Check the draft, set contrast or look, and add the mission."""
-    world = draft.world(f"{family}-{seed}")
+def _with_surfaces(
+    world: WorldSpec, contrast: float | None, look: Look | None, seed: int
+) -> WorldSpec:
     if contrast is not None:
-        world = with_contrast(world, contrast)
-    if look is not None:
-        world = with_look(world, look, seed)
-    check_world(world)
-    plan = draft.geometry()
-    start = draft.start[:2]
+        return with_contrast(world, contrast)
+    return world if look is None else with_look(world, look, seed)
+
+
+def _shortest_path(draft: WorldDraft) -> float:
+    """Length [m] of the shortest path for the default robot; raises Unsuitable."""
+    plan, start = draft.geometry(), draft.start[:2]
     try:
         # with the margin first: a path that only just fits does not count
         plan.shortest_path(start, draft.goal, draft.clearance)
@@ -127,20 +144,7 @@ def _finish(
         raise Unsuitable(str(error)) from None
     if shortest < MIN_PATH:
         raise Unsuitable(f"a path of only {shortest:.1f} m")
-    mission = _mission(draft, family, difficulty, shortest)
-    has_map = draft.topo_map is not None
-    topo_map = draft.topo_map or goals_map([start, draft.goal])
-    return GeneratedWorld(
-        family=family,
-        seed=seed,
-        difficulty=difficulty,
-        world=world,
-        mission=mission,
-        topo_map=topo_map,
-        has_map=has_map,
-        shortest=shortest,
-        attempt=attempt,
-    )
+    return shortest
 
 
 def _mission(draft: WorldDraft, family: str, difficulty: float, shortest: float) -> MissionSpec:

@@ -5,16 +5,16 @@ A look is the same geometry with other surfaces, by the role of each texture.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import Literal, NamedTuple, get_args
+from typing import NamedTuple, get_args
 
 import numpy as np
 
 from navfw.sim import worldspec
 from navfw.sim.textures import STOCK
+from navfw.sim.worldspec import Role
 
-Role = Literal["floor", "wall", "ceiling", "thing", "person"]
 Interval = tuple[float, float]
 
 _NOISE: Mapping[Role, tuple[tuple[worldspec.Style, ...], Interval]] = MappingProxyType(
@@ -147,7 +147,7 @@ def with_look(world: worldspec.WorldSpec, look: worldspec.Look, seed: int) -> wo
     """
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_STREAM,)))
     roles: dict[str, Role] = {}
-    for name, role in _uses(world):
+    for _, name, role in world.texture_uses():
         roles.setdefault(name, role)
     # textures that nothing uses yet may be those of obstacles that appear
     for name in (*world.textures, *STOCK):
@@ -162,24 +162,6 @@ def with_look(world: worldspec.WorldSpec, look: worldspec.Look, seed: int) -> wo
         changes["skirting"] = worldspec.SkirtingSpec(height=height, texture=_TRIM)
         changes["door_frames"] = worldspec.DoorFrameSpec(texture=_TRIM)
     return world.model_copy(update=changes)
-
-
-def _uses(world: worldspec.WorldSpec) -> Iterator[tuple[str, Role]]:
-    """The textures of a world, each with the roles in which it is used."""
-    yield world.floor, "floor"
-    if world.ceiling is not None:
-        yield world.ceiling, "ceiling"
-    for room in world.rooms:
-        parts: tuple[tuple[str | None, Role], ...] = (
-            (room.floor, "floor"),
-            (room.walls, "wall"),
-            (room.ceiling, "ceiling"),
-        )
-        yield from ((name, role) for name, role in parts if name is not None)
-    yield from ((wall.texture, "wall") for wall in world.walls)
-    yield from ((mover.texture, "person") for mover in world.movers)
-    for things in (world.doors, world.boxes, world.cylinders, world.meshes):
-        yield from ((thing.texture, "thing") for thing in things)
 
 
 def _drawn(rng: np.random.Generator, look: worldspec.Look, role: Role) -> worldspec.TextureSpec:

@@ -10,7 +10,7 @@ import numpy as np
 
 from navfw.interfaces import WorldFamily
 from navfw.topomap import PlaceKind
-from navfw.worldgen.region_layout import Roadmap, WallLine, walls_along
+from navfw.worldgen.region_layout import Roadmap, WallLine, runs, walls_along
 from navfw.worldgen.world_draft import WALL, Point, Unsuitable, WorldDraft, blend
 
 Cell = tuple[int, int]
@@ -65,16 +65,11 @@ def _lines(maze: nx.Graph, columns: int, rows: int, cell: float) -> Iterator[Wal
     half = 0.5 * WALL
     for axis, (across, along) in enumerate(((columns, rows), (rows, columns))):
         for i in range(1, across):
-            begin: int | None = None
-            for j in range(along + 1):
-                a, b = ((i - 1, j), (i, j)) if axis == 0 else ((j, i - 1), (j, i))
-                closed = j < along and not maze.has_edge(a, b)
-                if closed and begin is None:
-                    begin = j
-                elif not closed and begin is not None:
-                    at, low, high = (round(half + n * cell, 3) for n in (i, begin, j))
-                    yield WallLine(axis, at, low, high)
-                    begin = None
+            cells = (((i - 1, j), (i, j)) for j in range(along))
+            pairs = ((a, b) if axis == 0 else (a[::-1], b[::-1]) for a, b in cells)
+            for begin, end in runs([not maze.has_edge(*pair) for pair in pairs]):
+                at, low, high = (round(half + n * cell, 3) for n in (i, begin, end))
+                yield WallLine(axis, at, low, high)
 
 
 def _middle(cell: Cell, size: float) -> Point:

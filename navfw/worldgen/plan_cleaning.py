@@ -8,33 +8,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
 
 import cv2
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field
 
-from navfw.config.strict_model import StrictModel
 from navfw.errors import InputError
 from navfw.numerics import Array, Mask
 from navfw.robot import RobotModel
 from navfw.topomap.map_builder import MARGIN, Point
 from navfw.topomap.occupancy_map import FREE, OCCUPIED, UNKNOWN, Cells, OccupancyMap
 
-
-class PlanCleaning(StrictModel):
-    """The steps of cleaning, in this order; 0 leaves a step out."""
-
-    speckle: Annotated[
-        float,
-        Field(ge=0.0, le=1.0, description="spots within free ground up to this size vanish [m]"),
-    ] = 0.12
-    gap: Annotated[
-        float,
-        Field(ge=0.0, le=0.4, description="openings narrower than this are closed [m]"),
-    ] = 0.15
-
+SPECKLE, GAP = 0.12, 0.15
+"""Size [m] of the largest spots that vanish, and width [m] of the openings that stay open."""
+_MAX_SPECKLE, _MAX_GAP = 1.0, 0.4
+"""Their largest values [m]."""
 
 _Labels = npt.NDArray[np.intp]
 
@@ -53,20 +41,26 @@ class CleanedPlan:
     pieces: tuple[tuple[float, Point], ...]
 
 
-def cleaned(plan: OccupancyMap, cleaning: PlanCleaning, inside: Point | None = None) -> CleanedPlan:
+def cleaned(
+    plan: OccupancyMap, speckle: float = SPECKLE, gap: float = GAP, inside: Point | None = None
+) -> CleanedPlan:
     """The plan without speckles and gaps; free ground apart from one piece is unknown.
 
-    Small occupied or unknown spots that free ground surrounds become free. Gaps narrower than
-    ``cleaning.gap`` become unknown. The piece is the largest, or the one with ``inside`` [m].
+    Occupied or unknown spots up to ``speckle`` [m] that free ground surrounds become free. Gaps
+    narrower than ``gap`` [m] become unknown. The piece is the largest, or the one with ``inside``
+    [m].
 
     Raises:
-        InputError: nothing is free, or not the point.
+        InputError: nothing is free, or not the point, or a value is out of range.
 
     """
     from scipy.ndimage import maximum_position
 
-    free = _without_speckles(plan.free, cleaning.speckle / plan.resolution)
-    free = _without_gaps(free, cleaning.gap / plan.resolution)
+    for key, value, most in (("--speckle", speckle, _MAX_SPECKLE), ("--gap", gap, _MAX_GAP)):
+        if not 0.0 <= value <= most:
+            raise InputError(f"expected 0 to {most:g} m, got {value:g}", key=key)
+    free = _without_speckles(plan.free, speckle / plan.resolution)
+    free = _without_gaps(free, gap / plan.resolution)
     if not free.any():
         raise InputError(
             "the plan has no free ground that is wider than its gaps; choose a smaller --gap, or "

@@ -12,12 +12,12 @@ from pathlib import Path
 import networkx as nx
 import numpy as np
 
-from navfw.config.yamlfile import rewording
 from navfw.errors import InputError, MapError
 from navfw.missions.missionspec import MissionSpec
 from navfw.numerics import Array
 from navfw.process.work_progress import ProgressCallback, silent
 from navfw.signals import Pose
+from navfw.sim.plan_walls import wall_rectangles
 from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.shapes import Rectangle
 from navfw.sim.world_check import check_world
@@ -36,9 +36,8 @@ from navfw.topomap.occupancy_map import (
     plan_of_image,
 )
 from navfw.worldgen.looks import Palette
-from navfw.worldgen.plan_cleaning import CleanedPlan, PlanCleaning, cleaned
-from navfw.worldgen.plan_walls import wall_rectangles
-from navfw.worldgen.world_draft import MAP_FILE, MIN_PATH, ROBOT, write_world
+from navfw.worldgen.plan_cleaning import GAP, SPECKLE, CleanedPlan, cleaned
+from navfw.worldgen.world_draft import MAP_FILE, MIN_PATH, ROBOT, MadeWorld
 
 RESOLUTION = 0.05
 """Edge of a cell [m]: the usual one of maps for Nav2."""
@@ -97,24 +96,17 @@ _Way = tuple[float, str, str]
 """A way on the map: its length [m], and the places at its ends."""
 
 
-@dataclass(frozen=True)
-class ImportedPlan:
-    """A floor plan as a world, its map, and missions by name; ``size`` [m] is of the free ground.
+@dataclass(frozen=True, kw_only=True)
+class ImportedPlan(MadeWorld):
+    """The world of a floor plan, whose map comes with the cleaned plan.
 
-    The map comes with the cleaned plan. ``lengths`` [m] are those of the missions' ways, ``pieces``
-    area [m^2] and widest point of those of the free ground, first the one that the map is of.
+    ``lengths`` [m] are those of the missions' paths, ``size`` [m] is that of the free ground;
+    ``pieces`` are the area [m^2] and widest point of its pieces, first the one that is mapped.
     """
 
-    world: WorldSpec
-    topo_map: TopoMap
-    missions: Mapping[str, MissionSpec]
     lengths: Mapping[str, float]
     pieces: tuple[tuple[float, Point], ...]
     size: tuple[float, float]
-
-    def write(self, folder: str | Path) -> Path:
-        """Write ``world.yaml``, the map with its plan, and missions; raises as ``write_world``."""
-        return write_world(folder, self.world, self.missions, self.topo_map)
 
 
 def read_plan(file: str | Path, resolution: float | None = None) -> OccupancyMap:
@@ -138,34 +130,24 @@ def read_plan(file: str | Path, resolution: float | None = None) -> OccupancyMap
     return plan_of_image(file, spec, file)
 
 
-def read_cleaning(options: Mapping[str, float | None]) -> PlanCleaning:
-    """The steps of cleaning by command line options; those that are None have their defaults.
-
-    Raises:
-        InputError: a value is out of range.
-
-    """
-    steps = {name: value for name, value in options.items() if value is not None}
-    with rewording(prefix="--"):
-        return PlanCleaning(**steps)
-
-
 def import_plan(
     plan: OccupancyMap,
     name: str,
-    cleaning: PlanCleaning | None = None,
     report: ProgressCallback = silent,
+    speckle: float = SPECKLE,
+    gap: float = GAP,
     inside: Point | None = None,
     named: Mapping[str, Point] | None = None,
 ) -> ImportedPlan:
     """Import a floor plan as a world called ``name``; ``report`` is called with each part.
 
-    Of the free ground the piece with the point ``inside`` (x, y) [m] is taken, by default the
-    largest. ``named`` gives the places at points (x, y) [m] names.
+    Spots up to ``speckle`` [m] vanish, openings below ``gap`` [m] are closed. Of the free ground
+    the piece with the point ``inside`` (x, y) [m] is taken, by default the largest. ``named`` gives
+    the places at points (x, y) [m] names.
 
     Raises:
-        InputError: it has no free ground, its resolution or origin cannot be right, or a point is
-            not free, or not in the piece that is taken.
+        InputError: it has no free ground, its resolution or origin cannot be right, a value is out
+            of range, or a point is not free, or not in the piece that is taken.
         MapError: it has no way for the robot.
 
     """
@@ -183,7 +165,7 @@ def import_plan(
             file=plan.file,
         )
     report("walls")
-    clean = cleaned(plan, cleaning or PlanCleaning(), inside)
+    clean = cleaned(plan, speckle, gap, inside)
     plan = clean.plan
     rows, columns = np.nonzero(plan.free)
     width, depth = (float(np.ptp(cells) + 1) * plan.resolution for cells in (columns, rows))
@@ -199,7 +181,14 @@ def import_plan(
     if not ways:
         goal = next(iter(topo_map.places))
         missions[f"to-{goal}"], lengths[f"to-{goal}"] = _from_afar(world, clean.ground, topo_map)
-    return ImportedPlan(world, topo_map, missions, lengths, clean.pieces, size)
+    return ImportedPlan(
+        world=world,
+        missions=missions,
+        topo_map=topo_map,
+        lengths=lengths,
+        pieces=clean.pieces,
+        size=size,
+    )
 
 
 def _in_map(plan: OccupancyMap, wall: Rectangle) -> Rectangle:

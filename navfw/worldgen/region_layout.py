@@ -73,10 +73,14 @@ def _boundary_intervals(
     """(at, low, high) of maximal intervals in which the region changes across ``at``."""
     differ = region[:-1] != region[1:]
     for i, row in enumerate(differ):
-        changes = np.flatnonzero(np.diff(row[1:-1].astype(int), prepend=0, append=0))
-        for begin, end in pairwise(changes.tolist()):
-            if row[begin + 1]:
-                yield float(at[i]), float(along[begin]), float(along[end])
+        for begin, end in runs(row[1:-1]):
+            yield float(at[i]), float(along[begin]), float(along[end])
+
+
+def runs(row: npt.ArrayLike) -> Iterator[tuple[int, int]]:
+    """First and end index of each run of true values."""
+    changes = np.flatnonzero(np.diff(np.asarray(row, dtype=int), prepend=0, append=0))
+    yield from zip(changes[::2].tolist(), changes[1::2].tolist(), strict=True)
 
 
 def walls_along(

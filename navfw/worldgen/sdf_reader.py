@@ -24,7 +24,7 @@ from navfw.numerics import Array
 from navfw.numerics.products import product
 from navfw.robot.urdf import rigid_transform
 from navfw.sim.shapes import Circle, Rectangle, Shape
-from navfw.worldgen.upright_parts import UprightPart, mesh_solids
+from navfw.sim.upright_parts import UprightPart, mesh_solids
 
 _MAX_TRIANGLES = 500_000
 """Of a collision mesh; those of rooms have hundreds."""

@@ -51,7 +51,7 @@ ALLOWED = """
     config/installed_packages.py:file.read_text
     config/yaml_text.py:yaml.parse
     perceive/timed_table.py:csv.reader
-    perceive/video_file.py:cv2.VideoCapture
+    perceive/image_sources.py:cv2.VideoCapture
     plugins/built_in.py:ast.parse
     plugins/simulator_access.py:ast.parse
     process/atomic.py:unfinished.open

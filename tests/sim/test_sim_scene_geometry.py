@@ -6,18 +6,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from cli_calls import put_file
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sim_worlds import drive, loaded
 
 from navfw.errors import ConfigError, InputError, WorldError
-from navfw.meshes.furniture_meshes import boxes_around, furniture_mesh, furniture_outline
+from navfw.meshes.furniture_meshes import furniture_mesh
 from navfw.numerics import Array
 from navfw.robot import RobotModel
 from navfw.signals import Pose
 from navfw.sim import SceneGeometry, Simulation, WorldSpec
 from navfw.sim.shapes import Circle, Rectangle, Shape, gap_between, overlap_depth
+from navfw.sim.upright_parts import furniture_parts
 from navfw.sim.worldspec import BoxSpec, CylinderSpec, OpeningSpec, WallSpec
 
 RADIUS = 0.18
@@ -163,30 +165,22 @@ def room(
     return loaded(folder, WORLD % (crate, file, more))
 
 
-def test_the_outline_of_boxes_is_exact_at_the_bounds_and_within_a_cell_inside() -> None:
-    boxes = furniture_outline(ARMCHAIR, 1.0, "z")
-    (seat,) = (box for box in boxes if box.bottom == 0.0)
-    assert (*seat.x, *seat.y) == pytest.approx((-0.4, 0.4, -0.4, 0.4))
-    above = [box for box in boxes if box.bottom > 0.55]
-    assert -0.2 - 1e-9 <= max(box.x[1] for box in above) <= -0.18 + 1e-9
-    assert max(box.top for box in boxes) == pytest.approx(0.85)
+def test_a_mesh_becomes_the_boxes_and_cylinders_that_it_consists_of() -> None:
+    parts = furniture_parts(ARMCHAIR, 1.0, "z")
+    low = [part for part in parts if part.bottom == 0.0]
+    assert [part.shape.bounds for part in low] == [pytest.approx((-0.4, -0.4, 0.4, 0.4))]
+    assert max(part.top for part in parts) == pytest.approx(0.85)
+    foot, leg, top = furniture_parts(str(THINGS / "side-table.urdf"), 1.0, "z")
+    assert isinstance(leg.shape, Circle)
+    assert leg.shape.radius == pytest.approx(0.04, abs=0.01)
+    assert (foot.top, leg.top, top.bottom) == pytest.approx((leg.bottom, top.bottom, leg.top))
 
 
-def test_an_outline_contains_its_mesh_and_is_hardly_larger() -> None:
-    mesh = furniture_mesh(str(THINGS / "side-table.urdf"), 1.0, "z")
-    boxes = boxes_around(mesh)
-    rng = np.random.default_rng(3)
-    shares = rng.dirichlet(np.ones(3), (len(mesh.faces), 40))
-    points = np.einsum("ijk,ikl->ijl", shares, mesh.corners).reshape(-1, 3)
-    inside = np.zeros(len(points), np.bool_)
-    for (x0, x1), (y0, y1), bottom, top in boxes:
-        low, high = np.array([x0, y0, bottom]), np.array([x1, y1, top])
-        inside |= ((points >= low - 0.011) & (points <= high + 0.011)).all(axis=1)
-    assert inside.all()
-    # at the height of the leg, of 4 cm radius, there is nothing beyond two cells more
-    leg = [box for box in boxes if box.bottom >= 0.09 and box.top <= 0.51]
-    assert leg
-    assert max(abs(edge) for box in leg for edge in (*box.x, *box.y)) <= 0.08
+def test_a_thin_board_has_an_outline_as_well(tmp_path: Path) -> None:
+    trimesh.creation.box((1.0, 0.5, 0.01)).export(tmp_path / "board.stl")
+    (part,) = furniture_parts(str(tmp_path / "board.stl"), 1.0, "z")
+    assert (part.bottom, part.top) == pytest.approx((-0.005, 0.005))
+    assert (*part.shape.bounds,) == pytest.approx((-0.5, -0.25, 0.5, 0.25))
 
 
 def test_scale_and_axes_apply_to_outline_and_mesh() -> None:
@@ -195,8 +189,8 @@ def test_scale_and_axes_apply_to_outline_and_mesh() -> None:
     # the file's x, y, z become x, -z, y
     assert low == pytest.approx((-0.2, -0.425, -0.2))
     assert high == pytest.approx((0.2, 0.0, 0.2))
-    boxes = boxes_around(mesh)
-    assert min(box.y[0] for box in boxes) == pytest.approx(-0.425)
+    parts = furniture_parts(ARMCHAIR, 0.5, "y")
+    assert min(part.shape.bounds[1] for part in parts) == pytest.approx(-0.425, abs=0.01)
 
 
 def test_the_plan_knows_what_the_robot_touches(tmp_path: Path) -> None:

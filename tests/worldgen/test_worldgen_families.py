@@ -26,10 +26,10 @@ from navfw.sim.worldspec import Look, WalkerSpec
 from navfw.suite.suitefile import EntrySpec
 from navfw.topomap import load_map
 from navfw.worldgen import generate
-from navfw.worldgen.generation import FAMILIES
+from navfw.worldgen.generation import FAMILIES, GeneratedWorld
 from navfw.worldgen.looks import LOOKS
 from navfw.worldgen.rooms import furnish
-from navfw.worldgen.world_draft import MAP_FILE, GeneratedWorld, WorldDraft
+from navfw.worldgen.world_draft import MAP_FILE, WorldDraft
 
 Case = tuple[str, int, float]
 Point = tuple[float, float]

@@ -14,7 +14,7 @@ from navfw.suite import load_suite
 from navfw.suite.case import draw_difficulty
 from navfw.suite.suite_summary import summarize
 from navfw.worldgen import generate
-from navfw.worldgen.world_draft import GeneratedWorld
+from navfw.worldgen.generation import GeneratedWorld
 
 RADIUS = RobotModel().radius
 SEEDS = range(50)

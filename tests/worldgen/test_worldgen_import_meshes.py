@@ -15,9 +15,9 @@ from navfw.missions import prepare
 from navfw.numerics import Array
 from navfw.sim import SceneGeometry
 from navfw.sim.shapes import Circle, Rectangle
+from navfw.sim.upright_parts import UprightPart, mesh_solids
 from navfw.worldgen import sdf_reader
 from navfw.worldgen.gazebo_import import ImportedWorld, import_world
-from navfw.worldgen.upright_parts import UprightPart, mesh_solids
 
 MAX_PARTS = 2000
 

@@ -20,13 +20,13 @@ from navfw.missions.session_setup import chosen_stack
 from navfw.numerics import Mask
 from navfw.signals import Pose
 from navfw.sim import SceneGeometry, load_world
+from navfw.sim.plan_walls import wall_rectangles
 from navfw.sim.shapes import Rectangle
 from navfw.topomap import load_map
 from navfw.topomap.map_check import check_map
 from navfw.topomap.occupancy_map import FREE, OccupancyMap, load_ros_map, save_ros_map
-from navfw.worldgen.plan_cleaning import PlanCleaning, cleaned
+from navfw.worldgen.plan_cleaning import cleaned
 from navfw.worldgen.plan_exchange import ImportedPlan, exported_plan, import_plan
-from navfw.worldgen.plan_walls import wall_rectangles
 
 CELL = 0.05
 
@@ -205,7 +205,7 @@ def test_the_command_for_imports(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["office", "paper-room"])
 def test_a_world_exported_and_imported_has_the_same_free_ground(name: str) -> None:
     plan = exported_plan(load_world(find("world", name)))
-    made = import_plan(plan, name, PlanCleaning(speckle=0.0, gap=0.0))
+    made = import_plan(plan, name, speckle=0.0, gap=0.0)
     ground = made.topo_map.floor_plan
     assert ground is not None
     # at the centres of the same cells: a second grid would have another origin
@@ -272,7 +272,7 @@ def test_few_walls_are_where_the_plan_has_them(name: str, most: int) -> None:
 @pytest.mark.parametrize("name", ["thick-walls", "open-hall"])
 def test_noise_does_not_become_a_wall_of_pixels(name: str) -> None:
     plan = PLANS[name]()
-    noisy = cleaned(with_noise(plan, np.random.default_rng(3)), PlanCleaning()).plan
+    noisy = cleaned(with_noise(plan, np.random.default_rng(3))).plan
     assert len(wall_rectangles(noisy.free, CELL)) <= 1.5 * len(wall_rectangles(plan.free, CELL))
 
 
@@ -313,14 +313,14 @@ def test_speckles_vanish_and_gaps_are_closed() -> None:
     cells[40:42, 50] = 100  # two cells, in free ground
     cells[60:80, 60] = 100  # a thin wall stays
     spotted = type(plan)(cells, plan.resolution, plan.origin)
-    free = cleaned(spotted, PlanCleaning()).plan.free
+    free = cleaned(spotted).plan.free
     assert free[40:42, 50].all()
     assert not free[60:80, 60].any()
-    assert not cleaned(spotted, PlanCleaning(speckle=0)).plan.free[40:42, 50].any()
+    assert not cleaned(spotted, speckle=0).plan.free[40:42, 50].any()
     wall = np.zeros((40, 60), np.int8)
     wall[:, 30:32] = 100
     wall[20:22, 30:32] = 0
     split = type(plan)(wall, 0.05, plan.origin)
-    ways = (PlanCleaning(), PlanCleaning(gap=0.2))  # of an odd and an even number of cells
-    assert [cleaned(split, way).plan.free.sum() for way in ways] == [40 * 30] * 2  # a side alone
-    assert cleaned(split, PlanCleaning(gap=0)).plan.free.sum() == 40 * 58 + 4
+    for gap in (0.15, 0.2):  # an odd and an even number of cells: one side is left
+        assert cleaned(split, gap=gap).plan.free.sum() == 40 * 30
+    assert cleaned(split, gap=0).plan.free.sum() == 40 * 58 + 4

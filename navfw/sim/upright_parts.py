@@ -8,18 +8,20 @@ grid; each connected region becomes the rectangle or circle that it fills, or se
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import cv2
 import numpy as np
 
+from navfw.config.input_file import cached_by_files
 from navfw.errors import WorldError
+from navfw.meshes.furniture_meshes import Up, furniture_mesh
 from navfw.meshes.mesh_file import TriangleMesh, windings
 from navfw.numerics import Array, Mask
 from navfw.numerics.arrays import Indices
+from navfw.sim.plan_walls import wall_rectangles
 from navfw.sim.shapes import Circle, Rectangle, Shape
-from navfw.worldgen.plan_walls import wall_rectangles
 
 MAX_PARTS = 2000
 """Largest number of solids for one mesh."""
@@ -118,6 +120,25 @@ class _Layer:
     top: float
     covered: Mask
     corners: Array
+
+
+@cached_by_files(64)
+def furniture_parts(file: str, scale: float, up: Up) -> tuple[UprightPart, ...]:
+    """The parts of the furniture in a file, in its own axes [m].
+
+    Raises:
+        ConfigError: as ``furniture_mesh``.
+        WorldError: there would be too many.
+
+    """
+    mesh = furniture_mesh(file, scale, up)
+    base, height = float(mesh.bounds[0][2]), float(np.ptp(mesh.bounds, axis=0)[2])
+    stretch = max(1.0, _MIN_THICKNESS / height)  # of a thin board
+    parts = mesh_solids((mesh.corners - (0.0, 0.0, base)) * (1.0, 1.0, stretch))
+    return tuple(
+        replace(part, bottom=base + part.bottom / stretch, top=base + part.top / stretch)
+        for part in parts
+    )
 
 
 def mesh_solids(triangles: Array) -> list[UprightPart]:
