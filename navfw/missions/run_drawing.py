@@ -28,11 +28,12 @@ _STEP = 0.05
 
 def outline_of(plan: SceneGeometry) -> WorldOutline:
     """The outline of the world in a top view: walls, doors, furniture and drops."""
-    shapes = [(solid.kind, solid.shape) for solid in plan.solids]
+    discs = [solid.shape for solid in plan.solids if isinstance(solid.shape, Circle)]
+    others = [solid for solid in plan.solids if not isinstance(solid.shape, Circle)]
     return WorldOutline(
-        walls=[shape.corners for kind, shape in shapes if kind in {"wall", "door"}],
-        furniture=[shape.corners for kind, shape in shapes if kind in {"box", "mesh", "drop"}],
-        discs=[(s.x, s.y, s.radius) for _, s in shapes if isinstance(s, Circle)],
+        walls=[solid.shape.corners for solid in others if solid.kind in {"wall", "door"}],
+        furniture=[s.shape.corners for s in others if s.kind in {"box", "mesh", "drop"}],
+        discs=[(disc.x, disc.y, disc.radius) for disc in discs],
     )
 
 

@@ -259,8 +259,8 @@ def _sunken_meshes(world: WorldSpec) -> Iterator[Problem]:
     for solid in solids_of(world):
         lowest[solid.name] = min(lowest.get(solid.name, math.inf), solid.bottom)
     for i, mesh in enumerate(world.meshes):
-        if lowest[mesh.name] < -_SUNKEN:
-            depth = -lowest[mesh.name]
+        if (low := lowest.get(mesh.name, 0.0)) < -_SUNKEN:
+            depth = -low
             what = f"{mesh.name!r} reaches {depth:.2f} m below the floor; raise base to"
             yield ("meshes", i, "base"), f"{what} {mesh.base + depth:.3g}"
 

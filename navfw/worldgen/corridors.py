@@ -17,7 +17,7 @@ from navfw.sim.shapes import Circle, Rectangle, Shape
 from navfw.sim.worldspec import DoorSpec, OpeningSpec, RoomSpec
 from navfw.topomap import PlaceKind
 from navfw.worldgen.region_layout import FloorArea, Roadmap, WallLine, boundary_lines, walls_along
-from navfw.worldgen.world_draft import ROBOT, WALL, Point, Unsuitable, WorldDraft, blend, rounded
+from navfw.worldgen.world_draft import ROBOT, WALL, Point, Unsuitable, WorldDraft, blend, by_axis
 
 Node = tuple[int, int]
 
@@ -146,14 +146,12 @@ def _bent_walk(rng: np.random.Generator, lattice: nx.Graph, steps: int) -> list[
 
 def _area(network: CorridorNetwork, segment: CorridorSegment) -> FloorArea:
     """The floor of a corridor, up to the far walls of the corridors that it meets."""
-    half = 0.5 * segment.width
-    (ax, ay), (bx, by) = network.where[segment.a], network.where[segment.b]
+    half, axis = 0.5 * segment.width, segment.axis
+    first, last = network.where[segment.a], network.where[segment.b]
     begin, end = (_reach(network, segment, node) for node in (segment.a, segment.b))
-    if segment.axis == 0:
-        x, y = (ax - begin, bx + end), (ay - half, ay + half)
-    else:
-        x, y = (ax - half, ax + half), (ay - begin, by + end)
-    return FloorArea((round(x[0], 3), round(x[1], 3)), (round(y[0], 3), round(y[1], 3)))
+    along = round(first[axis] - begin, 3), round(last[axis] + end, 3)
+    across = round(first[1 - axis] - half, 3), round(first[1 - axis] + half, 3)
+    return FloorArea(*by_axis(axis, along, across))
 
 
 def _reach(network: CorridorNetwork, segment: CorridorSegment, node: Node) -> float:
@@ -171,24 +169,20 @@ def _add_side_doors(rng: np.random.Generator, network: CorridorNetwork, difficul
         for side in (-1.0, 1.0):
             if rng.random() > 0.6:
                 continue
-            (ax, ay), (bx, by) = network.where[segment.a], network.where[segment.b]
-            begin, end = (ax, bx) if segment.axis == 0 else (ay, by)
+            axis, first = segment.axis, network.where[segment.a]
+            begin, end = first[axis], network.where[segment.b][axis]
             low = begin + _reach(network, segment, segment.a) + 0.5 * _SIDE_ROOM[1]
             high = end - _reach(network, segment, segment.b) - 0.5 * _SIDE_ROOM[1]
             if low > high:
                 continue
             along, off = float(rng.uniform(low, high)), side * 0.5 * segment.width
-            at, out = (
-                ((along, ay + off), (0.0, side))
-                if segment.axis == 0
-                else ((ax + off, along), (side, 0.0))
-            )
+            at = by_axis(axis, round(along, 3), round(first[1 - axis] + off, 3))
             number = len(network.doors) + 1
             width = round(float(rng.uniform(blend(0.9, 0.8, difficulty), 1.0)), 2)
             door = SideDoor(
                 f"door-{number}",
-                (round(at[0], 3), round(at[1], 3)),
-                out,
+                at,
+                by_axis(axis, 0.0, side),
                 width,
                 bool(rng.random() < 0.6),
                 segment,
@@ -207,10 +201,10 @@ def _room_behind(door: SideDoor, region: int) -> FloorArea:
     depth, width = _SIDE_ROOM
     axis = 0 if door.out[0] else 1
     near, along = door.at[axis], door.at[1 - axis]
-    outward = rounded(*sorted((near, near + depth * door.out[axis])))
-    across = rounded(along - width / 2, along + width / 2)
-    x, y = (outward, across) if axis == 0 else (across, outward)
-    return FloorArea((x[0], x[1]), (y[0], y[1]), region)
+    low, high = sorted((near, near + depth * door.out[axis]))
+    outward = round(low, 3), round(high, 3)
+    across = round(along - width / 2, 3), round(along + width / 2, 3)
+    return FloorArea(*by_axis(axis, outward, across), region)
 
 
 def _distance(a: FloorArea, b: FloorArea) -> float:
@@ -300,7 +294,7 @@ def _try_obstacle(
     along = float(rng.uniform(low, high))
     side = 1.0 if rng.random() < 0.5 else -1.0
     off = begin[1 - segment.axis] + side * (0.5 * (segment.width - WALL - depth) - 0.01)
-    at = (along, off) if segment.axis == 0 else (off, along)
+    at = by_axis(segment.axis, along, off)
     number = len(draft.shapes) + 1
     shape: Shape
     if rng.random() < 0.35:
@@ -308,8 +302,7 @@ def _try_obstacle(
         shape = Circle(*at, 0.5 * depth)
     else:
         kind, tallest = "box", 1.8
-        half = (0.5 * length, 0.5 * depth) if segment.axis == 0 else (0.5 * depth, 0.5 * length)
-        shape = Rectangle(*at, *half)
+        shape = Rectangle(*at, *by_axis(segment.axis, 0.5 * length, 0.5 * depth))
     if draft.fits(shape, 1.1):
         draft.add(f"{kind}-{number}", shape, rng.uniform(0.5, tallest), texture)
 

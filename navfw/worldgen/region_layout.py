@@ -21,7 +21,7 @@ from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.worldspec import OpeningSpec, RoomSpec, WallSpec
 from navfw.topomap import Passage, Place, PlaceKind, TopoMap
 from navfw.worldgen.looks import Palette
-from navfw.worldgen.world_draft import WALL, Point, Unsuitable
+from navfw.worldgen.world_draft import WALL, Point, Unsuitable, by_axis
 
 _FILL = 0.4 * WALL
 """Extension of a wall's ends into the wall that they meet [m]: faces are not coplanar."""
@@ -96,8 +96,7 @@ def walls_along(
     walls = []
     for number, line in enumerate(lines, start=1):
         low, high = round(line.low - _FILL, 3), round(line.high + _FILL, 3)
-        ends = ((line.at, low), (line.at, high))
-        points = ends if line.axis == 0 else tuple((b, a) for a, b in ends)
+        points = tuple(by_axis(line.axis, line.at, end) for end in (low, high))
         openings = tuple(gap for gap in gaps if line.contains(gap.at, 0.5 * gap.width))
         walls.append(
             WallSpec(

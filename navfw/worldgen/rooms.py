@@ -15,7 +15,7 @@ from navfw.interfaces import WorldFamily
 from navfw.sim.shapes import Circle, Rectangle
 from navfw.sim.worldspec import OpeningSpec, RoomSpec, WallSpec
 from navfw.worldgen.region_layout import Roadmap, WallLine
-from navfw.worldgen.world_draft import WALL, Point, Unsuitable, WorldDraft, blend, rounded
+from navfw.worldgen.world_draft import WALL, Point, Unsuitable, WorldDraft, blend, by_axis, rounded
 
 Interval = tuple[float, float]
 
@@ -86,7 +86,7 @@ def _along_wall(
     kind, lengths, depths, heights = _ALONG_WALLS[int(rng.integers(len(_ALONG_WALLS)))]
     length, depth, height = _pick(rng, lengths), _pick(rng, depths), _pick(rng, heights)
     axis, far = int(rng.integers(2)), bool(rng.integers(2))
-    across, along = ((x, y), (y, x))[axis]
+    across, along = by_axis(axis, x, y)
     low, high = along[0] + _TO_WALL + 0.5 * length, along[1] - _TO_WALL - 0.5 * length
     if low >= high:
         return False
@@ -94,10 +94,7 @@ def _along_wall(
     if min(at - low, high - at) < gap:  # no passable gap to the corner: move it there
         at = low if at - low < high - at else high
     back = across[1] - _TO_WALL - 0.5 * depth if far else across[0] + _TO_WALL + 0.5 * depth
-    if axis == 0:
-        box = Rectangle(back, at, 0.5 * depth, 0.5 * length)
-    else:
-        box = Rectangle(at, back, 0.5 * length, 0.5 * depth)
+    box = Rectangle(*by_axis(axis, back, at), *by_axis(axis, 0.5 * depth, 0.5 * length))
     if not (across[1] - across[0] - depth - 2 * _TO_WALL >= gap and draft.fits(box, gap)):
         return False
     draft.add(_named(draft, kind, room), box, height, draft.palette.pick(textures))
@@ -147,8 +144,7 @@ class RoomDoor:
 
     def point(self, off: float = 0.0) -> Point:
         """The door's centre, or the point at distance ``off`` [m] from it, normal to the wall."""
-        at = self.cut.at + off
-        return (at, self.along) if self.cut.axis == 0 else (self.along, at)
+        return by_axis(self.cut.axis, self.cut.at + off, self.along)
 
 
 @dataclass
@@ -218,8 +214,7 @@ def _divide(draft: WorldDraft, count: int) -> RoomLayout:
         at = min(max(low + share * sides[axis], low + _MIN_SIDE), high - _MIN_SIDE)
         at = round(float(at), 3)
         cuts.append(WallLine(axis, at, *area[1 - axis]))
-        for side in ((low, at), (at, high)):
-            parts.append((side, area[1]) if axis == 0 else (area[0], side))
+        parts += [by_axis(axis, side, area[1 - axis]) for side in ((low, at), (at, high))]
     rooms = [RoomSpec(name=f"room-{i}", x=x, y=y) for i, (x, y) in enumerate(parts, start=1)]
     return RoomLayout(rooms, cuts)
 
@@ -274,7 +269,7 @@ def _build_walls(draft: WorldDraft, layout: RoomLayout) -> None:
     for i, cut in enumerate(layout.cuts, start=1):
         edge = draft.y if cut.axis == 0 else draft.x
         ends = rounded(max(cut.low, edge[0] + WALL / 2), min(cut.high, edge[1] - WALL / 2))
-        points = tuple((cut.at, end) if cut.axis == 0 else (end, cut.at) for end in ends)
+        points = tuple(by_axis(cut.axis, cut.at, end) for end in ends)
         openings = tuple(
             OpeningSpec(name=door.name, at=door.point(), width=door.width)
             for door in layout.doors

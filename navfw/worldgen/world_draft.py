@@ -12,7 +12,7 @@ import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -32,6 +32,7 @@ from navfw.topomap.occupancy_map import save_ros_map
 from navfw.worldgen.looks import Palette
 
 Point = tuple[float, float]
+_T = TypeVar("_T")
 
 WALL = 0.1
 """Thickness of walls [m]."""
@@ -68,6 +69,11 @@ def blend(easy: float, hard: float, difficulty: float) -> float:
 def rounded(*values: float) -> tuple[float, ...]:
     """Values rounded to three decimals, as in the files."""
     return tuple(round(float(value), 3) for value in values)
+
+
+def by_axis(axis: int, along: _T, across: _T) -> tuple[_T, _T]:
+    """What is ``along`` an axis (0: x) and ``across`` it, as that of x and that of y."""
+    return (along, across) if axis == 0 else (across, along)
 
 
 @dataclass
