@@ -177,7 +177,6 @@ class MapImporter:
         self._edges: list[dict[str, Any]] = []
         self._floor_plan: Any = None
         self._one_way: dict[tuple[str, str], int] = {}
-        self._directed: set[tuple[str, str]] = set()
 
     def add_place(self, name: str, values: dict[str, Any], line: int, key: str) -> None:
         """Add a place of ``line`` in the file; ``key`` names it in error messages.
@@ -201,15 +200,11 @@ class MapImporter:
         self, a: str, b: str, values: dict[str, Any], line: int, directed: bool = False
     ) -> None:
         """Add an edge; a ``directed`` one makes a passage together with the opposite edge."""
-        if directed and not self._both_ways:
-            if (b, a) in self._one_way:
-                del self._one_way[b, a]
-                return
+        if directed and (b, a) in self._one_way:
+            del self._one_way[b, a]
+            return
+        if directed:
             self._one_way[a, b] = len(self._edges)
-        elif directed:
-            if (b, a) in self._directed:
-                return
-            self._directed.add((a, b))
         self._origins["edges", len(self._edges)] = Origin(self._file, line)
         self._edges.append({"from": a, "to": b, **_kept(values, EDGE_KEYS)})
 
@@ -232,7 +227,7 @@ class MapImporter:
             MapError: an edge is one-way only, or the map is invalid.
 
         """
-        for (a, b), index in self._one_way.items():
+        for (a, b), index in ({} if self._both_ways else self._one_way).items():
             raise MapError(
                 f"leads only from {a!r} to {b!r}, but passages are two-way: add the edge from "
                 f"{b!r} to {a!r}, or convert with --both-ways",
