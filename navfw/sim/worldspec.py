@@ -366,17 +366,15 @@ class WorldSpec(StrictModel):
         yield ("floor",), self.floor, "floor"
         if self.ceiling is not None:
             yield ("ceiling",), self.ceiling, "ceiling"
-        sections: tuple[tuple[str, Mapping[str, Role]], ...] = (
-            ("rooms", {"floor": "floor", "walls": "wall", "ceiling": "ceiling"}),
-            ("walls", {"texture": "wall"}),
-            ("movers", {"texture": "person"}),
-            *(
-                (things, {"texture": "thing"})
-                for things in ("doors", "boxes", "cylinders", "meshes")
-            ),
-            ("drops", {"texture": "thing", "walls": "thing"}),
-        )
-        for section, roles in sections:
+        thing: Mapping[str, Role] = {"texture": "thing"}
+        sections: Mapping[str, Mapping[str, Role]] = {
+            "rooms": {"floor": "floor", "walls": "wall", "ceiling": "ceiling"},
+            "walls": {"texture": "wall"},
+            "movers": {"texture": "person"},
+            **dict.fromkeys(("doors", "boxes", "cylinders", "meshes"), thing),
+            "drops": {"texture": "thing", "walls": "thing"},
+        }
+        for section, roles in sections.items():
             for i, item in enumerate(getattr(self, section)):
                 for key, role in roles.items():
                     if (name := getattr(item, key)) is not None:
