@@ -11,7 +11,7 @@ from navfw import Context, Proposal, RuledBehavior
 
 
 class Cruise(RuledBehavior):
-    """Desires a speed for every turning rate: for patrols."""
+    """Desires a steady speed at any turning rate, less beside obstacles and at doors."""
 
     name: ClassVar[str] = "cruise"
 

@@ -10,7 +10,7 @@ from navfw import Context, Proposal, RuledBehavior
 
 
 class FollowWall(RuledBehavior):
-    """Drives along the wall on the nearer side, at a constant distance.
+    """Drives along the wall on the nearer side, at the distance that its rules set.
 
     It would follow any wall: the composite behaviour decides when it applies.
     """

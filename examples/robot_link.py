@@ -25,7 +25,7 @@ class LinkLostError(Exception):
 
 
 class RobotLink:
-    """One connection; ``timeout`` [s] is how long either direction may be silent."""
+    """Sends and receives messages; ``timeout`` [s] is how long either direction may be silent."""
 
     def __init__(self, connection: socket.socket, timeout: float) -> None:
         connection.settimeout(timeout)

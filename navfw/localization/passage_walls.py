@@ -172,7 +172,7 @@ def _at(place: Place) -> Pose:
 
 
 def corridor_fix(axis: PassageAxis, pose: Pose, scan: PlanScan) -> PassageFix | None:
-    """Correct the believed ``pose`` (map) by a corridor's walls; None if too little is seen.
+    """Compute corrections of the believed ``pose`` (map) by a corridor's walls; None if too few.
 
     Two parallel lines are fitted to the points of ``scan``, robustly (Cauchy weights).
     """
@@ -216,7 +216,7 @@ def _robust_lines(design: Array, across: Array, sigma: Array, start: Array) -> t
 
 
 def door_fix(axis: PassageAxis, pose: Pose, scan: PlanScan) -> PassageFix | None:
-    """Correct the believed ``pose`` (map) by a door's posts; None if not both are seen."""
+    """Compute corrections of the believed ``pose`` (map) by a door's posts; None without both."""
     points = axis.frame(pose).points_to_parent(scan.points)
     in_wall = np.abs(points[:, 0]) <= TOLERANCE + scan.sigma
     posts = []

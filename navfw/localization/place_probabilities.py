@@ -73,7 +73,7 @@ class PlacePosterior:
         self._places: Mapping[str, float] = {}
 
     def at(self, pose: Pose, covariance: Array) -> Mapping[str, float]:
-        """Return the probabilities of ``likeliest_places`` for ``pose`` (map), or the last ones."""
+        """Return ``likeliest_places`` of ``pose`` (map), or the last ones if it hardly moved."""
         if math.dist((pose.x, pose.y), self._computed_at) > self._refresh:
             self._places = likeliest_places(self._map, pose, covariance, self._count)
             self._computed_at = (pose.x, pose.y)
@@ -94,7 +94,7 @@ class PlaceLocalizer(Localizer):
 
     @property
     def posterior(self) -> PlacePosterior:
-        """Computes the places' probabilities from a pose; RuntimeError before ``start``."""
+        """The map's ``PlacePosterior``, set by ``start``; RuntimeError before."""
         if self._posterior is None:
             raise RuntimeError("start() comes before update()")
         return self._posterior

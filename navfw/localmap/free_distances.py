@@ -175,23 +175,23 @@ class Ranges(Frozen):
 
     @cached_property
     def corridor(self) -> float:
-        """Degree in [0, 1] to which there is a wall at each side and free space ahead."""
+        """Degree in [0, 1] to which both sides have a wall within 1.6 m, with free space ahead."""
         side = max(self.left, self.right)
         return max(0.0, min(1.0, (1.6 - side) / 0.8)) * max(0.0, min(1.0, self.front / 0.8))
 
     @cached_property
     def front(self) -> float:
-        """Least ``free`` [m], from the rim, within +-30 degrees of ahead; unobserved is free."""
+        """Least ``free`` [m] from the rim, +-30 degrees ahead; unobserved cells count as free."""
         return self.nearest(-math.radians(30), math.radians(30))
 
     @cached_property
     def left(self) -> float:
-        """Least ``free`` [m], from the rim, at 30 to 120 degrees left; unobserved is free."""
+        """Least ``free`` [m] from the rim, 30 to 120 degrees left; unobserved counts as free."""
         return self.nearest(math.radians(30), math.radians(120))
 
     @cached_property
     def right(self) -> float:
-        """Least ``free`` [m], from the rim, at 30 to 120 degrees right; unobserved is free."""
+        """Least ``free`` [m] from the rim, 30 to 120 degrees right; unobserved counts as free."""
         return self.nearest(-math.radians(120), -math.radians(30))
 
 

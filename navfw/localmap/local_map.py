@@ -81,7 +81,7 @@ _COVERED = 1.5  # chosen
 
 
 class DropMap:
-    """Votes for and against missing floor, by spots of floor in the odom frame (METHOD 2.8).
+    """Collects votes for missing floor, by square spots of 0.25 m in the odom frame (METHOD 2.8).
 
     A single flow vector below the floor is weak evidence: block matching is off by several standard
     deviations at times. One that falls short of the floor's flow by far is stronger.
@@ -274,11 +274,11 @@ class LocalMap:
         return free_distances.free_turn(self.occupancy, pose, w)
 
     def arcs(self, pose: Pose, speeds: Array, turns: Array) -> free_distances.Arcs:
-        """Sweep the body along all commands' arcs; RuntimeError before any ``update``."""
+        """Return how far all ``speeds`` x ``turns`` are free; RuntimeError before ``update``."""
         return free_distances.arcs_of(self.occupancy, pose, speeds, turns, self.params.margin)
 
     def ranges(self, pose: Pose) -> free_distances.Ranges:
-        """Measure from the rim in all directions at odom ``pose``; raises like ``arcs``."""
+        """Return distances from the rim all around odom ``pose``; raises like ``arcs``."""
         return free_distances.ranges_around(self.occupancy, pose)
 
     def local_goal(

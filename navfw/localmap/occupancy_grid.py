@@ -344,7 +344,7 @@ class OccupancyGrid:
 
     @property
     def clearance(self) -> Array:
-        """Distance (n, n) [m] from each cell to the nearest occupied cell; unobserved is free."""
+        """Distance (n, n) [m] to the nearest occupied cell; unobserved cells count as free."""
         if self._clearance is None:
             self._clearance = self._distances(self.occupied)
         return self._clearance

@@ -106,7 +106,7 @@ class PathSight:
 
     @property
     def judgement(self) -> Sight:
-        """How well the path is seen, as ``none``, ``weak`` or enough."""
+        """How well the path is seen: ``NOTHING`` of it, ``LITTLE`` or ``ENOUGH``."""
         if self.none:
             return Sight.NOTHING
         return Sight.LITTLE if self.weak else Sight.ENOUGH

@@ -104,7 +104,7 @@ class FuzzyFusion(Fusion):
     The desirability of each (v, w) is the applicability-weighted mean over the behaviours (``blend:
     sum``) or their context-dependent maximum (``blend: max``, Saffiotti). Any behaviour's
     prohibition counts in full. Of the connected regions left, the one with the largest mass
-    decides, so that two ways around an obstacle are not averaged into it (centroid of largest area,
+    decides: two paths around an obstacle are not averaged into it (centroid of largest area,
     Yen and Pfluger).
     """
 
@@ -126,7 +126,7 @@ class FuzzyFusion(Fusion):
     params: Params
 
     def fuse(self, context: Context, proposals: Proposals) -> Command:
-        """Return the centroid of the allowed region with the largest desire; stand without one."""
+        """Return the command at the centroid of the best allowed region; stand without one."""
         prohibition = joint_prohibition(context, proposals)
         forbidden = prohibition > CUT
         desire = self._desire(context, proposals)

@@ -31,7 +31,7 @@ STEP = 0.1  # chosen
 
 
 class ProgressMonitor:
-    """Measures how long the wheels have not followed commands, and progress has not been made."""
+    """Measures how long wheels have not followed commands, and how long progress was missing."""
 
     def __init__(self) -> None:
         self.reset()

@@ -126,11 +126,11 @@ class BehaviorRules:
         return tuple(self.base.outputs)
 
     def evaluate(self, **inputs: float) -> Verdict:
-        """Apply the rules; inputs outside a variable's range count as its end."""
+        """Apply the rules to one set of inputs, each clipped to the range of its variable."""
         return Verdict(self, self.fis.evaluate_one(inputs), (1,))
 
     def evaluate_all(self, **inputs: Array) -> Verdict:
-        """Apply the rules to arrays of inputs, all of the same shape."""
+        """Apply the rules elementwise to arrays of one shape; inputs are clipped as well."""
         shape = next(iter(inputs.values())).shape
         return Verdict(self, self.fis.evaluate({k: v.ravel() for k, v in inputs.items()}), shape)
 

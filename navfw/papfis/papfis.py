@@ -254,7 +254,7 @@ class Papfis(Planner):
         """Return the waypoint to drive to from the believed pose; None past the last goal.
 
         Raises:
-            MapError: at the first call: the map does not connect this position with the goal.
+            MapError: at the first call, if the map does not connect this position with the goal.
 
         """
         if self._tour is None or self._blockages is None:

@@ -72,7 +72,7 @@ class ProgressWatch:
 
     @property
     def unsure(self) -> bool:
-        """Whether the estimate is at the goal, which is not counted as reached, or just was."""
+        """Whether the estimate has come within the goal's tolerance, too uncertain to count."""
         return self._unsure_of is not None
 
     def update(
