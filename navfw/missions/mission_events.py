@@ -18,8 +18,7 @@ from navfw.errors import ConfigError, PluginError, UnknownNameError
 from navfw.guard import construct, contained
 from navfw.interfaces import MissionEvent
 from navfw.missions.missionfile import MissionFile
-from navfw.missions.missionspec import BehaviorFault, EventSpec, NearTrigger
-from navfw.plugins.fault_injection import Failure
+from navfw.missions.missionspec import BehaviorFault, EventSpec
 from navfw.signals import Pose
 from navfw.signals.immutability import immutable
 from navfw.sim.event_actions import DoorChange, EventAction, Obstacle, Textureless
@@ -28,30 +27,7 @@ from navfw.sim.textures import STOCK
 from navfw.sim.worldspec import WorldSpec
 from navfw.stack import Stack
 from navfw.stack.stackfile import PluginSource
-
-
-@dataclass(frozen=True, slots=True)
-class Event:
-    """A checked event: it begins at ``at`` [s], or within ``within`` [m] of ``point`` (map frame).
-
-    ``lasting`` [s] may be infinite. ``spec`` is the event as the mission file has it. ``behavior``
-    is the name of the behaviour that the event makes fail, else empty.
-    """
-
-    action: EventAction | Failure
-    spec: Mapping[str, Any]
-    at: float | None = None
-    point: tuple[float, float] | None = None
-    within: float = 0.0
-    lasting: float = math.inf
-    behavior: str = ""
-
-    def due(self, time: float, robot: Pose) -> bool:
-        """Whether it begins at ``time`` [s], with the robot's true pose ``robot``."""
-        if self.at is not None:
-            return time >= self.at - 1e-9
-        assert self.point is not None  # noqa: S101 - an event has either a time or a point
-        return math.hypot(robot.x - self.point[0], robot.y - self.point[1]) <= self.within
+from navfw.topomap import Place
 
 
 @dataclass(slots=True)
@@ -80,17 +56,20 @@ class EventTarget(Protocol):
 class EventClock:
     """Begins and ends the events of one run, and records their times.
 
-    ``told`` is called with all events so far when one has begun or ended.
+    Events are near ``places`` of the map, by name. ``told`` is called with all events so far when
+    one has begun or ended.
     """
 
     def __init__(
         self,
-        events: Iterable[tuple[Event, EventTarget]],
+        events: Iterable[tuple[EventSpec, EventTarget]],
+        places: Mapping[str, Place] | None = None,
         told: Callable[[Sequence[EventRecord]], object] = lambda _: None,
     ) -> None:
         self._told = told
+        self._places = places or {}
         self._waiting = list(events)
-        self._running: list[tuple[Event, EventTarget, EventRecord]] = []
+        self._running: list[tuple[EventSpec, EventTarget, EventRecord]] = []
         self._log: list[EventRecord] = []
 
     @property
@@ -104,23 +83,31 @@ class EventClock:
             return
         running = len(self._running)
         for event, target, record in self._running:
-            if time - record.began >= event.lasting - 1e-9:
+            if event.lasting is not None and time - record.began >= event.lasting - 1e-9:
                 target.end(event.action)
                 record.ended = time
         self._running = [running for running in self._running if running[2].ended is None]
-        due = [waiting for waiting in self._waiting if waiting[0].due(time, robot)]
+        due = [waiting for waiting in self._waiting if self._due(waiting[0], time, robot)]
         self._waiting = [waiting for waiting in self._waiting if waiting not in due]
         for event, target in due:
             target.begin(event.action)
-            self._log.append(EventRecord(event.spec, time))
+            as_given = event.model_dump(mode="json", exclude_unset=True)
+            self._log.append(EventRecord(as_given, time))
             self._running.append((event, target, self._log[-1]))
         if due or len(self._running) < running:
             self._told(self._log)
 
+    def _due(self, event: EventSpec, time: float, robot: Pose) -> bool:
+        near = event.near
+        if near is None:
+            return time >= (event.at or 0.0) - 1e-9
+        at = near if near.place is None else self._places[near.place]
+        return math.hypot(robot.x - (at.x or 0.0), robot.y - (at.y or 0.0)) <= near.within
+
 
 def resolve_events(
     mission: MissionFile, world: WorldSpec, stack: Stack, plugins: PluginSource
-) -> tuple[Event, ...]:
+) -> tuple[EventSpec, ...]:
     """The events of a mission file, checked against map, world and the behaviours of ``stack``.
 
     An event of a plugin becomes the events that it is composed of.
@@ -135,7 +122,7 @@ def resolve_events(
     """
     checker = _Checker(mission, world, stack)
     return tuple(
-        checker.event(index, composed)
+        checker.check(index, composed)
         for index, spec in enumerate(mission.spec.events)
         for composed in checker.composed(index, spec, plugins)
     )
@@ -192,31 +179,18 @@ class _Checker:
                 what = f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
                 raise PluginError(f"the event plugin gave an invalid action: {what}") from None
 
-    def event(self, index: int, spec: EventSpec) -> Event:
-        """Check the event with this index in the file."""
+    def check(self, index: int, spec: EventSpec) -> EventSpec:
+        """The event with this index in the file, checked."""
         path: KeyPath = ("events", index)
         timeout = self.mission.spec.timeout
         if spec.at is not None and spec.at >= timeout:
             what = f"expected a time before the mission's timeout, {timeout:g} s, got {spec.at:g}"
             self._refuse((*path, "at"), what)
-        action = getattr(spec, spec.key)
-        self._check(action, (*path, spec.key))
-        as_given = spec.model_dump(mode="json", exclude_unset=True)
-        lasting = math.inf if spec.lasting is None else spec.lasting
-        effect, behavior = action, ""
-        if isinstance(action, BehaviorFault):
-            effect, behavior = action.does, action.name
-        point, within = None, 0.0
-        if spec.near is not None:
-            point, within = self._point(spec.near, (*path, "near")), spec.near.within
-        return Event(effect, as_given, spec.at, point, within, lasting, behavior)
-
-    def _point(self, near: NearTrigger, path: KeyPath) -> tuple[float, float]:
-        if near.place is None:
-            return near.x or 0.0, near.y or 0.0
-        self._check_name("place", near.place, self.mission.topo_map.places, (*path, "place"))
-        place = self.mission.topo_map.places[near.place]
-        return place.x, place.y
+        self._check(getattr(spec, spec.key), (*path, spec.key))
+        if spec.near is not None and spec.near.place is not None:
+            places = self.mission.topo_map.places
+            self._check_name("place", spec.near.place, places, (*path, "near", "place"))
+        return spec
 
     def _check(self, action: EventAction | BehaviorFault, path: KeyPath) -> None:
         match action:

@@ -133,6 +133,11 @@ class EventSpec(StrictModel):
         """The key of its action."""
         return next(key for key in _actions() if getattr(self, key) is not None)
 
+    @property
+    def action(self) -> Any:
+        """What begins and ends with it; of a failing behaviour, how it fails."""
+        return getattr(self, self.key) if self.behavior is None else self.behavior.does
+
 
 def _actions() -> list[str]:
     return [key for key in EventSpec.model_fields if key not in (*_TRIGGERS, "lasting")]

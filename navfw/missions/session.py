@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import Any, Self
 
 from navfw.errors import InputError
-from navfw.missions.mission_events import Event, EventClock, EventRecord
+from navfw.missions.mission_events import EventClock, EventRecord
 from navfw.missions.missionfile import MissionFile
+from navfw.missions.missionspec import EventSpec
 from navfw.missions.oracle import plugins_of, reveal
 from navfw.missions.outcome import MissionVerdict, Outcome
 from navfw.missions.pilot import TickView, Watcher, watcher_of
@@ -56,7 +57,7 @@ class Session:
     stack_file: Path
     stack: Stack
     overrides: tuple[str, ...] = ()
-    events: tuple[Event, ...] = ()
+    events: tuple[EventSpec, ...] = ()
     drawn: bool = True
     coarse: bool = False
     # those of the newest simulation: truth, for recordings and viewers only
@@ -79,7 +80,8 @@ class Session:
 
     def uninvited(self, faults: Sequence[str]) -> tuple[str, ...]:
         """The ``faults`` of plugins that the mission's events did not inject."""
-        invited = tuple(f"behavior {event.behavior}: " for event in self.events if event.behavior)
+        failing = (event.behavior.name for event in self.events if event.behavior)
+        invited = tuple(f"behavior {name}: " for name in failing)
         return tuple(fault for fault in faults if not fault.startswith(invited))
 
     @property
@@ -174,12 +176,13 @@ class SteppedSession(MissionLoop):
         if self._simulation.window is not None:
             watchers = (*watchers, WindowOverlay(self._simulation.window, stack).draw)
         targets = (
-            inject_faults(stack.mofis.behaviors, event.behavior)
+            inject_faults(stack.mofis.behaviors, event.behavior.name)
             if event.behavior
             else self._simulation
             for event in session.events
         )
-        events = EventClock(zip(session.events, targets, strict=True), told)
+        places = session.mission.topo_map.places
+        events = EventClock(zip(session.events, targets, strict=True), places, told)
         driven = session.task, stack, self._simulation
         super().__init__(*driven, *watchers, events=events, limit=limit)
 

@@ -10,12 +10,14 @@ from cli_calls import refusal
 
 from navfw.errors import InputError
 from navfw.missions import MissionResult, prepare
-from navfw.missions.mission_events import Event, EventClock
+from navfw.missions.mission_events import EventClock
+from navfw.missions.missionspec import EventSpec, NearTrigger
 from navfw.missions.run_report import write_run
 from navfw.recording import RunFolder, read_result
 from navfw.recording.run_replay import explain_at, replay
 from navfw.signals import Pose
 from navfw.sim.event_actions import CameraFault, GyroFault
+from navfw.topomap import Place
 
 MISSION = """\
 start: [1, 1.5, 0.3]
@@ -151,9 +153,9 @@ def target_of(active: list[object]) -> Any:
 
 def test_events_begin_and_end_by_simulated_time() -> None:
     active: list[object] = []
-    target, black, out = target_of(active), CameraFault(black=True), GyroFault(dropout=True)
-    dark = Event(black, {"camera": "black"}, at=2.0, lasting=3.0)
-    clock = EventClock([(dark, target), (Event(out, {"gyro": "dropout"}, at=4.0), target)])
+    black, out = CameraFault(black=True), GyroFault(dropout=True)
+    events = EventSpec(at=2.0, lasting=3.0, camera=black), EventSpec(at=4.0, gyro=out)
+    clock = EventClock([(event, target_of(active)) for event in events])
     ticks: dict[object, list[int]] = {black: [], out: []}
     for tick in range(80):
         clock.tick(0.1 * tick, HERE)
@@ -161,15 +163,17 @@ def test_events_begin_and_end_by_simulated_time() -> None:
             ticks[action].append(tick)
     assert ticks == {black: list(range(20, 50)), out: list(range(40, 80))}
     first, second = (record.as_data() for record in clock.log)
-    assert first == {"event": {"camera": "black"}, "began_s": 2.0, "ended_s": 5.0}
+    given = {"at": 2.0, "lasting": 3.0, "camera": {"black": True}}
+    assert first == {"event": given, "began_s": 2.0, "ended_s": 5.0}
     assert second["ended_s"] is None
 
 
 def test_an_event_near_a_point_happens_once() -> None:
     active: list[object] = []
     black = CameraFault(black=True)
-    event = Event(black, {}, point=(1.0, 1.0), within=0.5, lasting=0.3)
-    clock = EventClock([(event, target_of(active))])
+    near = NearTrigger(place="lab", within=0.5)
+    event = EventSpec(near=near, lasting=0.3, camera=black)
+    clock = EventClock([(event, target_of(active))], {"lab": Place("lab", 1.0, 1.0)})
     clock.tick(0.0, HERE)
     assert not active
     clock.tick(0.1, Pose(0.6, 0.8, 0.0))
