@@ -48,7 +48,8 @@ class Case:
     Either ``world`` and ``mission`` are files, or ``family``, ``difficulty`` (of a range, the seed
     draws it), ``contrast``, ``look`` and ``seed`` define a generated world. ``stack`` is a file;
     empty: the stack named by the mission. ``content`` is the fingerprint of all that the result
-    depends on beside the seed.
+    depends on beside the seed. Of the runs to ``keep`` there is a picture in the folder
+    ``pictures``, of those to ``record`` a recording in the folder beside it.
     """
 
     index: int
@@ -64,6 +65,9 @@ class Case:
     mission: str = ""
     variant: str = ""
     content: str = ""
+    pictures: Path = Path()
+    keep: KeptRuns = "none"
+    record: KeptRuns = "none"
 
     @property
     def key(self) -> RunKey:
@@ -128,16 +132,3 @@ class Case:
         for_mission, _ = split_overrides(self.overrides)
         document = apply_overrides(parse_yaml(text, self.key.world), for_mission)
         return made.world, mission_in(document, Path(self.key.mission), made.topo_map)
-
-
-@dataclass(frozen=True, slots=True)
-class Job:
-    """A case, the folder for its picture, and of which runs picture and recording are kept.
-
-    The folder of recordings is beside that of the pictures.
-    """
-
-    case: Case
-    pictures: Path
-    keep: KeptRuns = "failed"
-    record: KeptRuns = "none"

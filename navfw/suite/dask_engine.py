@@ -33,7 +33,7 @@ from navfw.plugins.built_in import GROUPS
 from navfw.process.atomic import atomic_file
 from navfw.process.interruption import check_interrupted, interruptible
 from navfw.recording.provenance import code_fingerprint, files_of
-from navfw.suite.case import Case, Job
+from navfw.suite.case import Case
 from navfw.suite.run_row import RunRow
 from navfw.suite.worker_pool import WorkerFailure, WorkerPool
 
@@ -59,10 +59,10 @@ _RESUME = "--resume drives the rest"
 
 @dataclass
 class DaskEngine:
-    """A context manager; ``run`` yields each job with its result, in the order of completion.
+    """A context manager; ``run`` yields each case with its result, in the order of completion.
 
     A run whose worker is lost is driven again by Dask on another one. ``work`` is the function of a
-    job as ``module:name``: only the process of a run imports it. Entering it raises InputError if
+    case as ``module:name``: only the process of a run imports it. Entering it raises InputError if
     the scheduler cannot be reached or has no workers, if a worker has another version of navfw,
     Python or a library, or lacks a plugin, or if the project's files are too large.
     """
@@ -71,7 +71,7 @@ class DaskEngine:
     cases: Sequence[Case]
     limit: float
     memory: float
-    work: str = "navfw.suite.suite_run:run_job"
+    work: str = "navfw.suite.suite_run:run_case"
     _client: Any = field(init=False, default=None)  # the library has no types
     _files: FilesOnWorker = field(init=False)
 
@@ -115,8 +115,8 @@ class DaskEngine:
         threads: dict[str, int] = self._client.nthreads()
         return max(1, sum(threads.values()))
 
-    def run(self, jobs: Iterable[Job]) -> Iterator[tuple[Job, RunRow | WorkerFailure]]:
-        """Run all jobs; may be called again with others.
+    def run(self, cases: Iterable[Case]) -> Iterator[tuple[Case, RunRow | WorkerFailure]]:
+        """Run all cases; may be called again with others.
 
         Raises:
             SimulationError: scheduler or workers are gone, or a worker has another version.
@@ -124,7 +124,7 @@ class DaskEngine:
 
         """
         submit = partial(self._client.submit, drive, self._files.name, pure=False)
-        futures = {submit(job): job for job in jobs}
+        futures = {submit(case): case for case in cases}
         with self._client.as_current():
             ended: Any = distributed.as_completed(futures)  # type: ignore[no-untyped-call]
         seen = time.monotonic()
@@ -134,8 +134,8 @@ class DaskEngine:
                     if future.status in {"lost", "pending"}:  # with its worker: Dask repeats it
                         ended.add(future)
                         continue
-                    job = futures.pop(future)
-                    yield job, self._result(future, job)
+                    case = futures.pop(future)
+                    yield case, self._result(future, case)
                 seen = time.monotonic() if self._client.nthreads() else seen
                 if time.monotonic() - seen > _WORKER_TIME:
                     raise SimulationError(f"{self.address} has no workers left; {_RESUME}")
@@ -145,7 +145,7 @@ class DaskEngine:
         finally:
             self._client.cancel(list(futures), force=True)
 
-    def _result(self, future: Any, job: Job) -> RunRow | WorkerFailure:
+    def _result(self, future: Any, case: Case) -> RunRow | WorkerFailure:
         if future.status == "error":
             error = future.exception()
             if isinstance(error, SimulationError):
@@ -156,7 +156,7 @@ class DaskEngine:
             raise SimulationError(f"{what}; {_RESUME}")
         row, picture = future.result()
         if picture is not None:
-            with atomic_file(job.pictures / row.picture.rpartition("/")[2]) as unfinished:
+            with atomic_file(case.pictures / row.picture.rpartition("/")[2]) as unfinished:
                 unfinished.write_bytes(picture)
         return row  # type: ignore[no-any-return]
 
@@ -224,7 +224,7 @@ class FilesOnWorker(distributed.WorkerPlugin):
         self._archive, self._project = _archive_of(cases, project.absolute()), project.absolute()
         self._identity, self._work, self._limits = worker_identity(), work, (limit, memory)
         self._folder: Path | None = None
-        self._idle: list[WorkerPool[Job, Answer]] = []
+        self._idle: list[WorkerPool[Case, Answer]] = []
 
     def setup(self, worker: distributed.Worker) -> None:
         """Unpack the files in the worker's own folder."""
@@ -240,7 +240,7 @@ class FilesOnWorker(distributed.WorkerPlugin):
         while self._idle:
             self._idle.pop().__exit__(None, None, None)
 
-    def run(self, job: Job) -> Answer:
+    def run(self, case: Case) -> Answer:
         """Drive a run in a process that is kept for the next one."""
         if self._folder is None:
             raise SimulationError("a worker could not take the files of the suite; see its log")
@@ -253,34 +253,34 @@ class FilesOnWorker(distributed.WorkerPlugin):
             work = partial(_drive_in, self._work, self._folder, self._project)
             pool = WorkerPool(work, 1, limit, memory=memory).__enter__()
         try:
-            ((_, answer),) = pool.run([job])
+            ((_, answer),) = pool.run([case])
         finally:
             self._idle.append(pool)
         return (answer, None) if isinstance(answer, WorkerFailure) else answer
 
 
-def drive(name: str, job: Job) -> Answer:
+def drive(name: str, case: Case) -> Answer:
     """A task of Dask: one run on this worker, with the files called ``name``."""
     plugin: Any = distributed.get_worker().plugins[name]
-    answer: Answer = plugin.run(job)
+    answer: Answer = plugin.run(case)
     return answer
 
 
-def unpacked(job: Job, folder: Path) -> Job:
-    """``job`` with the paths of its files below ``folder``."""
-    old = (job.case.world, job.case.mission, job.case.stack)
+def unpacked(case: Case, folder: Path) -> Case:
+    """``case`` with the paths of its files below ``folder``."""
+    old = (case.world, case.mission, case.stack)
     world, mission, stack = (str(folder / path.lstrip("/")) if path else "" for path in old)
-    return replace(job, case=replace(job.case, world=world, mission=mission, stack=stack))
+    return replace(case, world=world, mission=mission, stack=stack)
 
 
-def _drive_in(work: str, folder: Path, project: Path, job: Job) -> Answer:
+def _drive_in(work: str, folder: Path, project: Path, case: Case) -> Answer:
     """In the process of the run: its project is the unpacked one, trusted by who sent it."""
     os.environ[TRUST_VARIABLE] = "1"
     os.chdir(folder / project.relative_to("/"))
     with tempfile.TemporaryDirectory(prefix="navfw-pictures-") as made:
-        pictures = Path(made) / job.pictures.name
+        pictures = Path(made) / case.pictures.name
         pictures.mkdir(exist_ok=True)
-        moved = unpacked(replace(job, pictures=pictures), folder)
+        moved = unpacked(replace(case, pictures=pictures), folder)
         row: RunRow = resolve_name(work)(moved)
         picture = pictures / Path(row.picture).name if row.picture else None
         return row, picture.read_bytes() if picture else None

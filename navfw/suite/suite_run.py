@@ -23,7 +23,7 @@ from navfw.process.atomic import atomic_file
 from navfw.process.interruption import INTERRUPTED, deferred
 from navfw.process.process_resources import peak_memory_mb, return_freed_memory
 from navfw.recording.run_folder import RunFolder
-from navfw.suite.case import RECORDINGS, Case, Job, KeptRuns
+from navfw.suite.case import RECORDINGS, Case, KeptRuns
 from navfw.suite.run_row import RunKey, RunRow
 from navfw.suite.suite_folder import SuiteFolder
 from navfw.suite.suite_plan import SuitePlan
@@ -32,14 +32,14 @@ from navfw.suite.worker_pool import WorkerFailure, WorkerPool, stop_requested
 
 
 class Engine(Protocol):
-    """Runs jobs (``WorkerPool``, ``DaskEngine``)."""
+    """Runs cases (``WorkerPool``, ``DaskEngine``)."""
 
     @property
     def capacity(self) -> int:
-        """Number of jobs that run at the same time, at least 1."""
+        """Number of cases that run at the same time, at least 1."""
 
-    def run(self, jobs: Iterable[Job], /) -> Iterator[tuple[Job, RunRow | WorkerFailure]]:
-        """Each job with its result, in the order of completion."""
+    def run(self, cases: Iterable[Case], /) -> Iterator[tuple[Case, RunRow | WorkerFailure]]:
+        """Each case with its result, in the order of completion."""
 
 
 def engine_for(
@@ -54,7 +54,7 @@ def engine_for(
 
     """
     if scheduler is None:
-        return WorkerPool(run_job, workers, limit, memory=memory)
+        return WorkerPool(run_case, workers, limit, memory=memory)
     from navfw.suite.dask_engine import DaskEngine
 
     return DaskEngine(scheduler, cases, limit, memory)
@@ -119,25 +119,28 @@ def run_suite(
     rows = {row.key: row for row in have if row.has_result}
     died = {row.key for row in have if row.repeatable}
     pictures = out.pictures.absolute()
-    jobs = [Job(case, pictures, keep, record) for case in plan.cases if case.key not in rows]
+    cases = [
+        replace(case, pictures=pictures, keep=keep, record=record)
+        for case in plan.cases
+        if case.key not in rows
+    ]
     revisions, unsaved, interrupted = out.about()["revisions"], "", False
     with deferred():  # the engine alone is interrupted, while it waits for runs
         try:
-            while jobs:
+            while cases:
                 again = []
-                for job, answer in engine.run(jobs):
-                    case = job.case
+                for case, answer in engine.run(cases):
                     row = replace(answered_row(case, answer), attempts=1 + (case.key in died))
                     if row.outcome == Outcome.CANCELLED:
                         continue
                     out.journal.add(case.content, row)
                     if row.repeatable:
                         died.add(row.key)
-                        again.append(job)
+                        again.append(case)
                     else:
                         rows[row.key] = row
                         on_row(case, row)
-                jobs = again
+                cases = again
         except KeyboardInterrupt:
             interrupted = True
         except InputError as error:  # of the journal
@@ -169,19 +172,19 @@ def _result(plan: SuitePlan, by_key: dict[RunKey, RunRow], revisions: list[str])
 # --- in a worker process --------------------------------------------------------------------------
 
 
-def run_job(job: Job) -> RunRow:
-    """Run ``job`` and return its row; an exception gives a row with the outcome fault.
+def run_case(case: Case) -> RunRow:
+    """Run ``case`` and return its row; an exception gives a row with the outcome fault.
 
     Raises:
         SimulationError: the simulator cannot be started, or its temporary files not be written.
 
     """
-    case, began = job.case, time.process_time()
+    began = time.process_time()
     return_freed_memory()  # of the run before
     try:
         session = case.session(_registry())
-        result = session.run(_stop_on_request, record=job.record != "none")
-        row = _keep(RunRow.of(case.columns, result), job, result)
+        result = session.run(_stop_on_request, record=case.record != "none")
+        row = _keep(RunRow.of(case.columns, result), case, result)
         return replace(
             row,
             cpu_time_s=round(time.process_time() - began, 3),
@@ -200,23 +203,23 @@ def run_job(job: Job) -> RunRow:
         return case.fault(f"{type(error).__name__}: {error} ({place})", Cause.EXCEPTION)
 
 
-def _keep(row: RunRow, job: Job, result: MissionResult) -> RunRow:
+def _keep(row: RunRow, case: Case, result: MissionResult) -> RunRow:
     """Write picture and recording of the run if they are kept; the row names the picture."""
     if row.outcome == Outcome.CANCELLED:
         return row
     from navfw.missions.run_report import draw_trajectory, write_run
 
-    name = job.case.key.file_name(generated=bool(job.case.family))
-    if _kept(job.record, row):
-        with _losing_no_result(), RunFolder(job.pictures.with_name(RECORDINGS) / name) as folder:
+    name = case.key.file_name(generated=bool(case.family))
+    if _kept(case.record, row):
+        with _losing_no_result(), RunFolder(case.pictures.with_name(RECORDINGS) / name) as folder:
             for missing in write_run(result, folder):
                 sys.stderr.write(f"{folder.target}: {missing}\n")
-    if _kept(job.keep, row):
-        file = job.pictures / f"{name}.png"
+    if _kept(case.keep, row):
+        file = case.pictures / f"{name}.png"
         with _losing_no_result():
             with atomic_file(file) as unfinished:
                 draw_trajectory(result, unfinished)
-            return replace(row, picture=f"{job.pictures.name}/{file.name}")
+            return replace(row, picture=f"{case.pictures.name}/{file.name}")
     return row
 
 

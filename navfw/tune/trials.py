@@ -7,7 +7,6 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from statistics import fmean
 
 import optuna
@@ -15,7 +14,7 @@ from optuna.trial import FrozenTrial, TrialState
 
 from navfw.config.overrides import override_texts
 from navfw.errors import InputError, RuleBaseError, UnknownNameError
-from navfw.suite.case import Case, Job
+from navfw.suite.case import Case
 from navfw.suite.run_row import RunRow
 from navfw.suite.suite_run import Engine, answered_row
 from navfw.tune.search_spaces import SearchSpace
@@ -171,5 +170,4 @@ def driver(engine: Engine) -> Drive:
 
 
 def _rows(engine: Engine, cases: Sequence[Case]) -> dict[int, RunRow]:
-    jobs = [Job(case, Path(), "none") for case in cases]
-    return {job.case.index: answered_row(job.case, result) for job, result in engine.run(jobs)}
+    return {case.index: answered_row(case, result) for case, result in engine.run(cases)}

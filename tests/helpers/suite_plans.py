@@ -9,7 +9,7 @@ import suite_samples as samples
 
 from navfw.plugins import default_registry
 from navfw.suite import load_suite
-from navfw.suite.case import Job
+from navfw.suite.case import Case
 from navfw.suite.run_row import RunRow
 from navfw.suite.suite_folder import SuiteFolder
 from navfw.suite.suite_plan import SuitePlan, plan_runs
@@ -33,7 +33,7 @@ def drive(
     plan: SuitePlan,
     out: SuiteFolder,
     *,
-    work: Callable[[Job], RunRow] = samples.fake_run,
+    work: Callable[[Case], RunRow] = samples.fake_run,
     workers: int = 1,
     memory: float = math.inf,
     **options: Any,

@@ -1,4 +1,4 @@
-"""Rows, cases and jobs for the suite's tests; quick to import in worker processes."""
+"""Rows and cases for the suite's tests; quick to import in worker processes."""
 
 import dataclasses
 import os
@@ -10,7 +10,7 @@ from typing import Any
 
 from navfw.process.atomic import atomic_file
 from navfw.process.last_trace import name_plugins
-from navfw.suite.case import Case, Job
+from navfw.suite.case import Case
 from navfw.suite.run_row import RunRow
 from navfw.suite.worker_pool import stop_requested
 
@@ -93,73 +93,73 @@ def environment(name: str) -> str | None:
     return os.environ.get(name)
 
 
-def fake_run(job: Job) -> RunRow:
+def fake_run(case: Case) -> RunRow:
     """Reached for even seeds, timeout for odd ones."""
-    good = job.case.seed % 2 == 0
+    good = case.seed % 2 == 0
     outcome, cause = ("reached", "") if good else ("timeout", "slow")
     return RunRow(
-        **job.case.columns,
+        **case.columns,
         outcome=outcome,
         cause=cause,
         spl=float(good),
         sim_time_s=10.0,
         collisions=0,
-        command_hash=f"{job.case.seed:064x}",
+        command_hash=f"{case.seed:064x}",
     )
 
 
-def fake_run_that_dies_on_3(job: Job) -> RunRow:
-    if job.case.seed == 3:
+def fake_run_that_dies_on_3(case: Case) -> RunRow:
+    if case.seed == 3:
         os._exit(1)
-    return fake_run(job)
+    return fake_run(case)
 
 
-def fake_run_that_dies_once_on_3(job: Job) -> RunRow:
+def fake_run_that_dies_once_on_3(case: Case) -> RunRow:
     """``fake_run`` whose process dies with seed 3, but not a second time."""
-    mark = job.pictures / "died.png"
-    if job.case.seed == 3 and not mark.exists():
+    mark = case.pictures / "died.png"
+    if case.seed == 3 and not mark.exists():
         mark.touch()
         os._exit(1)
-    return fake_run(job)
+    return fake_run(case)
 
 
-def fake_run_that_dies_on_3_once_more(job: Job) -> RunRow:
+def fake_run_that_dies_on_3_once_more(case: Case) -> RunRow:
     """``fake_run`` whose process dies with seed 3; each death leaves a file."""
-    if job.case.seed == 3:
-        (job.pictures / f"died-{os.getpid()}.png").touch()
+    if case.seed == 3:
+        (case.pictures / f"died-{os.getpid()}.png").touch()
         os._exit(1)
-    return fake_run(job)
+    return fake_run(case)
 
 
-def fake_run_that_swells_on_3(job: Job) -> RunRow:
+def fake_run_that_swells_on_3(case: Case) -> RunRow:
     """``fake_run`` whose process takes 1 GB with seed 3."""
-    if job.case.seed == 3:
+    if case.seed == 3:
         swollen = b"x" * 1_000_000_000
         time.sleep(60.0)
         assert swollen
-    return fake_run(job)
+    return fake_run(case)
 
 
-def fake_run_by_hand(job: Job) -> RunRow:
+def fake_run_by_hand(case: Case) -> RunRow:
     """Creates a file, so that a test can list the runs."""
-    Path(job.pictures, f"{job.case.seed}.png").touch()
-    return fake_run(job)
+    Path(case.pictures, f"{case.seed}.png").touch()
+    return fake_run(case)
 
 
-def slow_fake_run(job: Job) -> RunRow:
+def slow_fake_run(case: Case) -> RunRow:
     """A fake run of 0.15 s with a picture; it ends early when the suite is stopped."""
     for _ in range(15):
         time.sleep(0.01)
         if stop_requested():
-            return RunRow(**job.case.columns, outcome="cancelled")
-    with atomic_file(job.pictures / f"{job.case.seed}.png") as part:
+            return RunRow(**case.columns, outcome="cancelled")
+    with atomic_file(case.pictures / f"{case.seed}.png") as part:
         part.write_bytes(b"picture")
-    return fake_run(job)
+    return fake_run(case)
 
 
-def fake_run_with_plugin_faults(job: Job) -> RunRow:
+def fake_run_with_plugin_faults(case: Case) -> RunRow:
     """``fake_run`` of a run in which plugins failed in two ways."""
-    return dataclasses.replace(fake_run(job), plugin_faults=2)
+    return dataclasses.replace(fake_run(case), plugin_faults=2)
 
 
 def hang_in_plugin_on_13(number: int) -> int:

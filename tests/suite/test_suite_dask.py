@@ -13,7 +13,6 @@ from dask_cluster import Cluster, cluster
 from processes import printed
 
 from navfw.errors import InputError
-from navfw.suite.case import Job
 from navfw.suite.run_row import RunRow
 from navfw.suite.suite_folder import SuiteFolder
 from navfw.suite.suite_plan import SuitePlan
@@ -105,7 +104,7 @@ def test_tls_without_certificates_is_told_before_connecting() -> None:
 
 
 def test_a_worker_itself_imports_no_simulator(tmp_path: Path) -> None:
-    work = "navfw.suite.suite_run:run_job"
+    work = "navfw.suite.suite_run:run_case"
     plugin = FilesOnWorker([samples.case(1)], work, 10.0, 1000.0)
     (tmp_path / "plugin").write_bytes(pickle.dumps(plugin))
     code = "import pickle, sys; pickle.load(open(sys.argv[1], 'rb')); print('numba' in sys.modules)"
@@ -117,11 +116,11 @@ def test_paths_travel_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     put_files(tmp_path, {**texts, "mine/navfw.toml": ""})
     monkeypatch.chdir(tmp_path / "mine")
     stack, world = (str(tmp_path / name) for name in texts)
-    job = Job(samples.case(1, family="", world=world, stack=stack), tmp_path)
-    plugin = FilesOnWorker([job.case], "a:b", 10.0, 1000.0)
+    case = samples.case(1, family="", world=world, stack=stack)
+    plugin = FilesOnWorker([case], "a:b", 10.0, 1000.0)
     worker: Any = SimpleNamespace(local_directory=str(tmp_path / "worker"), address="tcp://a")
     plugin.setup(worker)
-    case = unpacked(job, tmp_path / "worker" / plugin.name).case
+    case = unpacked(case, tmp_path / "worker" / plugin.name)
     for path, text in ((case.world, "name: hall"), (case.stack, "base: default")):
         assert Path(path).is_relative_to(tmp_path / "worker")
         assert Path(path).suffix == ".yaml"

@@ -1,6 +1,6 @@
 """Suite files, seeds, entries with events and families; and the errors for wrong ones."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +17,9 @@ from navfw.plugins import default_registry
 from navfw.sim import WorldSpec
 from navfw.sim.worldspec import BoxSpec, Look, TextureSpec
 from navfw.suite import load_suite
-from navfw.suite.case import Job, draw_difficulty
+from navfw.suite.case import draw_difficulty
 from navfw.suite.suite_plan import SuitePlan, plan_runs
-from navfw.suite.suite_run import run_job
+from navfw.suite.suite_run import run_case
 from navfw.suite.suite_summary import summarize
 from navfw.suite.suitefile import Expect, parse_seeds
 from navfw.topomap import Passage, Place, TopoMap
@@ -294,7 +294,7 @@ def test_impossible_entries_are_refused_before_any_run(
 
 def test_an_impossible_seed_is_a_fault_of_its_run(tmp_path: Path) -> None:
     plan = plan_of(tmp_path, "{family: boxes}", range(12, 14))
-    row = run_job(Job(plan.cases[1], tmp_path))
+    row = run_case(replace(plan.cases[1], pictures=tmp_path, keep="failed"))
     assert (row.seed, row.outcome, row.cause) == (13, "fault", "bad_input")
     assert row.reason == "no way through after 100 tries"
 
@@ -303,7 +303,7 @@ def test_a_generated_run_gives_a_full_row_and_its_picture(tmp_path: Path) -> Non
     failing = "[{at: 1, lasting: 1, behavior: {name: avoid, does: raises}}]"
     entry = f"{{family: boxes, set: {{mission.timeout: 4}}, events: {failing}}}"
     plan = plan_of(tmp_path, entry)
-    row = run_job(Job(plan.cases[0], tmp_path))
+    row = run_case(replace(plan.cases[0], pictures=tmp_path, keep="failed"))
     assert (row.entry, row.family, row.world) == ("boxes", "boxes", "boxes-0")
     assert (row.outcome, row.cause) == ("timeout", "slow")
     assert row.shortest_path_m == pytest.approx(4.0)
@@ -324,7 +324,7 @@ def test_an_exception_in_a_run_is_a_fault_with_its_source_line(
         raise ZeroDivisionError("of the generator")
 
     monkeypatch.setattr(worldgen, "generate", broken)
-    row = run_job(Job(plan.cases[0], tmp_path))
+    row = run_case(replace(plan.cases[0], pictures=tmp_path, keep="failed"))
     assert (row.outcome, row.cause) == ("fault", "exception")
     place = "test_suite_suitefile.py:"
     assert row.reason.startswith(f"ZeroDivisionError: of the generator ({place}")

@@ -11,7 +11,7 @@ from suite_plans import drive, planned
 
 from navfw.config.lookup import shipped_folder
 from navfw.suite.suite_folder import SuiteFolder
-from navfw.suite.suite_run import run_job
+from navfw.suite.suite_run import run_case
 
 RUNS = 40
 TOLERANCE = 0.5
@@ -47,7 +47,7 @@ def test_three_faults_at_once_end_without_contact_or_with_its_cause(tmp_path: Pa
     plan = planned(tmp_path, json.dumps({"entries": entries}), range(1))
     with SuiteFolder.claim(tmp_path / "out", plan, range(1)) as folder:
         have = folder.open(plan, "abc", begin="resume")
-        done = drive(plan, folder, work=run_job, workers=2, have=have)
+        done = drive(plan, folder, work=run_case, workers=2, have=have)
     assert len(done.rows) == RUNS
     reached = [row for row in done.rows if row.outcome == "reached"]
     assert all((row.distance_to_goal_m or 0.0) <= TOLERANCE for row in reached)

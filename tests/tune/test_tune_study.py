@@ -22,7 +22,7 @@ from navfw.plugins import default_registry
 from navfw.robot import RobotModel
 from navfw.stack import load_stack
 from navfw.suite import load_suite
-from navfw.suite.case import Case, Job
+from navfw.suite.case import Case
 from navfw.suite.run_row import RunRow
 from navfw.suite.worker_pool import WorkerFailure
 
@@ -256,19 +256,19 @@ class FakeEngine:
     batches: list[list[int]] = field(default_factory=list)
     capacity: int = 2
 
-    def run(self, jobs: Iterable[Job]) -> Iterator[tuple[Job, RunRow | WorkerFailure]]:
-        given = list(jobs)
-        seeds = [job.case.seed for job in given]
+    def run(self, cases: Iterable[Case]) -> Iterator[tuple[Case, RunRow | WorkerFailure]]:
+        given = list(cases)
+        seeds = [case.seed for case in given]
         first = not any(self.dies in batch for batch in self.batches)
         self.batches += [seeds] if seeds else []
-        for job in reversed(given):
-            row = RunRow(**job.case.columns, outcome="reached")
-            if job.case.seed == self.dies and first:
-                yield job, WorkerFailure("died")
-            elif job.case.seed == self.late:
-                yield job, WorkerFailure("too long", Cause.TOO_LONG)
+        for case in reversed(given):
+            row = RunRow(**case.columns, outcome="reached")
+            if case.seed == self.dies and first:
+                yield case, WorkerFailure("died")
+            elif case.seed == self.late:
+                yield case, WorkerFailure("too long", Cause.TOO_LONG)
             else:
-                yield job, row
+                yield case, row
 
 
 def test_runs_come_in_order_a_batch_at_a_time(files: Files) -> None:
