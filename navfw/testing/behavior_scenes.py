@@ -13,10 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from navfw.context import CommandGrid, Context
+from navfw.flow.grid_flow import grid_points
+from navfw.flow.ideal import true_vectors
 from navfw.interfaces import Fusion
 from navfw.localmap import LocalMap
 from navfw.mofis.mofis import DecisionInputs, Mofis
-from navfw.numerics import Array
 from navfw.offis.offis import Offis
 from navfw.robot import RobotModel
 from navfw.signals import (
@@ -130,35 +131,18 @@ def wall_flow(robot: RobotModel, time: float, ahead: float, left: float, right: 
     ``ahead``, ``left`` and ``right`` [m] are distances of infinite walls from the robot's centre.
     """
     camera = robot.camera
-    rows, cols = _GRID
-    x = (np.arange(cols) + 0.5) / cols * camera.width - 0.5 * camera.width
-    y = (np.arange(rows) + 0.5) / rows * camera.height - 0.5 * camera.height
-    points = np.stack(np.meshgrid(x, y), axis=-1)
-    rays = np.concatenate([points / camera.focal, np.ones((rows, cols, 1))], axis=-1)
-    base = rays @ camera.base_from_camera.T
-    depth = np.full((rows, cols), 50.0)
-    walls = (
-        (base[..., 0], ahead - camera.mount_forward),
-        (base[..., 1], left),
-        (-base[..., 1], right),
-        (-base[..., 2], camera.mount_height),
-    )
+    points = grid_points(camera, *_GRID)
+    base = np.dstack([points / camera.focal, np.ones(_GRID)]) @ camera.base_from_camera.T
+    x, y, z = np.moveaxis(base, -1, 0)
+    walls = (x, ahead - camera.mount_forward), (y, left), (-y, right), (-z, camera.mount_height)
+    nearness = np.full(_GRID, 0.02)
     for advance, distance in walls:
-        hit = advance > 1e-6
-        depth[hit] = np.minimum(depth[hit], max(distance, 0.02) / advance[hit])
-    step: Array = camera.base_from_camera.T @ np.array([_BASELINE, 0.0, 0.0])
-    # a point p at depth Z flows by e / (Z + s_z), with e = p s_z - f s_xy
-    e = points * step[2] - camera.focal * step[:2]
-    vectors = e / (depth + step[2])[..., None]
-    return FlowField(
-        time=time,
-        points=points,
-        vectors=vectors,
-        confidence=np.full((rows, cols), 0.9),
-        sigma=np.full((rows, cols), 0.1),
-        motion=CameraMotion(np.eye(3), step, 0.2, 1e-3, 1e-3),
-        derotated=True,
-    )
+        nearness = np.maximum(nearness, advance / max(distance, 0.02))
+    step = camera.base_from_camera.T @ np.array([_BASELINE, 0.0, 0.0])
+    motion = CameraMotion(np.eye(3), step, 0.2, 1e-3, 1e-3)
+    vectors = true_vectors(points, nearness, motion, camera.focal)
+    known = np.full(_GRID, 0.9), np.full(_GRID, 0.1)
+    return FlowField(time, points, vectors, *known, motion, derotated=True)
 
 
 class _Scripted(Fusion):
