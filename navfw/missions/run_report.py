@@ -6,32 +6,26 @@ The picture has the true path coloured by leading behaviour, with times; and wha
 from __future__ import annotations
 
 import math
-import platform
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext, suppress
-from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from navfw.config.extras import pybullet_version
 from navfw.missions.mission_events import EventRecord
 from navfw.missions.run_drawing import outline_of
 from navfw.missions.session import MissionResult, Session
 from navfw.process.atomic import writing
 from navfw.process.interruption import deferred, interruptible
 from navfw.recording import palette, plan_picture, top_view
-from navfw.recording.provenance import code_revision, machine_kind
+from navfw.recording.provenance import code_revision, library_versions, machine_kind
 from navfw.recording.run_folder import MAP, PICTURE, RECORDING, RESULT, RunFolder
 from navfw.recording.run_observers import RunLog, RunRecorder
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-_LIBRARIES = ("numpy", "numba", "opencv-python-headless", "scikit-fuzzy", "networkx")
-"""Libraries whose versions are recorded."""
 
 
 def default_folder(session: Session) -> Path:
@@ -115,7 +109,7 @@ def _origin(session: Session) -> dict[str, Any]:
     return {
         "config": session.config,
         "overrides": session.overrides,
-        "versions": versions(),
+        "versions": library_versions(),
         "stack": session.stack_file.stem,
         "revision": code_revision(),
         "machine": machine_kind(),
@@ -137,17 +131,6 @@ def _why_missing(path: Path, write: Callable[[Path], object]) -> str:
         return ""
     path.unlink(missing_ok=True)
     return why
-
-
-def versions() -> dict[str, str]:
-    """Versions of Python and of the libraries that a result depends on."""
-    by_name = {"python": platform.python_version(), "machine": platform.machine()}
-    for library in ("navfw", *_LIBRARIES):
-        try:
-            by_name[library] = metadata.version(library)
-        except metadata.PackageNotFoundError:
-            by_name[library] = "not installed"
-    return {**by_name, "pybullet": pybullet_version()}
 
 
 _PLACE, _TIME = "#7A7A7A", "#1C2430"

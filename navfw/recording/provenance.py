@@ -14,12 +14,16 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from navfw.config.extras import pybullet_version
 from navfw.config.input_file import read_input, real_path
 from navfw.config.lookup import project_folder, shipped_folder
 from navfw.process.process_resources import usable_cores
 
 _SHIPPED = ("worlds", "maps", "behaviors")
 """The folders that ship with navfw beside its code."""
+
+_LIBRARIES = ("navfw", "numpy", "numba", "opencv-python-headless", "scipy", "networkx")
+"""Libraries that a result depends on."""
 
 DIRTY = "-dirty"
 """Suffix of a revision whose tracked files have uncommitted changes."""
@@ -70,6 +74,13 @@ def machine_kind() -> dict[str, Any]:
         "python": platform.python_version(),
         "system": f"{platform.system()} {platform.machine()}",
     }
+
+
+def library_versions() -> dict[str, str]:
+    """Versions of Python and of the libraries that a result depends on, and the processor."""
+    versions = {name: metadata.version(name) for name in _LIBRARIES}
+    python = {"python": platform.python_version(), "machine": platform.machine()}
+    return {**python, **versions, "pybullet": pybullet_version()}
 
 
 def fingerprint(value: Any) -> str:

@@ -12,7 +12,6 @@ import contextlib
 import io
 import multiprocessing
 import os
-import platform
 import tempfile
 import time
 import zipfile
@@ -24,7 +23,7 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any, Self
 
-from navfw.config.extras import extra_imports, pybullet_version
+from navfw.config.extras import extra_imports
 from navfw.config.input_file import read_input, real_path
 from navfw.config.lookup import project_folder, shipped_folder
 from navfw.config.project_trust import TRUST_VARIABLE
@@ -32,7 +31,7 @@ from navfw.errors import InputError, SimulationError
 from navfw.plugins.built_in import GROUPS
 from navfw.process.atomic import atomic_file
 from navfw.process.interruption import check_interrupted, interruptible
-from navfw.recording.provenance import code_fingerprint, files_of
+from navfw.recording.provenance import code_fingerprint, files_of, library_versions
 from navfw.suite.case import Case
 from navfw.suite.run_row import RunRow
 from navfw.suite.worker_pool import WorkerFailure, WorkerPool
@@ -53,7 +52,6 @@ _PARTS = ("worlds", "maps", "stacks", "robots", "behaviors", "plugins")
 """Folders of the project that travel."""
 _MAX_BYTES = 200_000_000
 """Largest size of all files that travel [byte]."""
-_LIBRARIES = ("numpy", "numba", "opencv-python-headless", "scipy")
 _RESUME = "--resume drives the rest"
 
 
@@ -169,10 +167,8 @@ def worker_identity() -> dict[str, str]:
     """
     points = [(kind, metadata.entry_points(group=group)) for group, kind in GROUPS.items()]
     return {
+        **library_versions(),
         "navfw": f"{metadata.version('navfw')} ({code_fingerprint()[:12]})",
-        "python": platform.python_version(),
-        **{name: metadata.version(name) for name in _LIBRARIES},
-        "pybullet": pybullet_version(),
         "plugins": ", ".join(sorted({f"{kind} {p.name}" for kind, own in points for p in own})),
     }
 
