@@ -7,12 +7,14 @@ it is used.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
+
+from navfw.errors import InputError, checked_seed, did_you_mean
 
 if TYPE_CHECKING:
     from navfw.missions.session import Session
@@ -26,10 +28,6 @@ MARKER = (
     " fixture; `stack`: instead of the mission's; `set`: changes such as 'offis.layers=1' or"
     " {'offis.layers': 1}; `allow_faults`: faults of plugins do not fail the test"
 )
-
-
-class MarkerError(Exception):
-    """A ``mission`` marker has wrong arguments."""
 
 
 @dataclass(frozen=True)
@@ -75,42 +73,33 @@ class MissionCase:
             self.world, self.mission, seed=self.seed, stack=self.stack, overrides=self.overrides
         )
 
-    def check(self) -> str:
-        """What is wrong with world, mission, stack or overrides; "" if nothing is."""
-        from navfw.errors import InputError
-
-        try:
-            self.prepare()
-        except InputError as error:
-            return str(error)
-        return ""
-
 
 def cases_of(marker: pytest.Mark, seeds: Iterable[int]) -> Iterator[Any]:
     """A ``pytest.param`` with the ``MissionCase`` of each run of the marker, and of more ``seeds``.
 
     Raises:
-        MarkerError: an argument is unknown, missing or of the wrong type.
+        InputError: an argument is unknown, missing or of the wrong type.
 
     """
+    from navfw.config.overrides import override_texts
+
     arguments = _arguments(marker)
-    missions, own = _several(arguments["mission"]), list(arguments.get("seeds", (0,)))
+    given, own = arguments["mission"], list(arguments.get("seeds", (0,)))
+    missions = [given] if isinstance(given, str | Path) else list(given)
     if not missions or not own:
-        raise MarkerError("expected at least one mission and one seed")
+        raise InputError("expected at least one mission and one seed")
     stack = arguments.get("stack")
     for mission in missions:
         for entry in widened(own, seeds):
             # a seed may have marks: pytest.param(7, marks=pytest.mark.slow)
             param = entry if hasattr(entry, "marks") else pytest.param(entry)
             (seed,) = param.values
-            if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
-                raise MarkerError(f"expected a seed that is a whole number >= 0, got {seed!r}")
             case = MissionCase(
                 str(arguments["world"]),
-                mission,
-                seed,
+                str(mission),
+                checked_seed(seed),
                 None if stack is None else str(stack),
-                _overrides(arguments.get("set", ())),
+                override_texts(arguments.get("set") or ()),
                 bool(arguments.get("allow_faults", False)),
             )
             yield pytest.param(case, marks=param.marks, id=case.label)
@@ -126,29 +115,11 @@ def widened(own: Iterable[Any], seeds: Iterable[int]) -> list[Any]:
 def _arguments(marker: pytest.Mark) -> dict[str, Any]:
     wrong = [name for name in marker.kwargs if name not in KEYS]
     if wrong:
-        from navfw.errors import did_you_mean
-
-        raise MarkerError(f"unknown argument {wrong[0]!r}: {did_you_mean(wrong[0], KEYS)}")
+        raise InputError(f"unknown argument {wrong[0]!r}: {did_you_mean(wrong[0], KEYS)}")
     if len(marker.args) > len(KEYS):
-        raise MarkerError(f"expected at most {len(KEYS)} arguments, got {len(marker.args)}")
+        raise InputError(f"expected at most {len(KEYS)} arguments, got {len(marker.args)}")
     arguments = {**dict(zip(KEYS, marker.args, strict=False)), **marker.kwargs}
     missing = [name for name in ("world", "mission") if name not in arguments]
     if missing:
-        raise MarkerError(f"missing argument: {' and '.join(missing)}")
+        raise InputError(f"missing argument: {' and '.join(missing)}")
     return arguments
-
-
-def _several(value: str | Path | Iterable[str | Path]) -> list[str]:
-    return [str(value)] if isinstance(value, str | Path) else [str(item) for item in value]
-
-
-def _overrides(value: str | Iterable[str] | Mapping[str, object]) -> tuple[str, ...]:
-    if not value:
-        return ()
-    from navfw.config.overrides import override_texts
-    from navfw.errors import InputError
-
-    try:
-        return override_texts(value if isinstance(value, Mapping) else tuple(_several(value)))
-    except InputError as error:
-        raise MarkerError(str(error)) from None

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields
-from functools import cached_property
 from importlib import util
 from itertools import groupby
 from pathlib import Path
@@ -25,7 +24,8 @@ import numpy as np
 from navfw.errors import UnknownNameError
 from navfw.missions.outcome import MissionVerdict
 from navfw.missions.run_metrics import RunResult
-from navfw.missions.session import MissionResult, Session
+from navfw.missions.session import MissionResult
+from navfw.missions.session_setup import run as run_mission
 from navfw.mofis.mofis import explanation_lines
 from navfw.numerics import Array
 from navfw.recording.run_folder import PICTURE, RECORDING, RunFolder
@@ -99,11 +99,6 @@ class MissionRun(RunResult):
         """World, mission and seed."""
         return f"{self.world}/{self.mission}, seed {self.seed}"
 
-    @cached_property
-    def session(self) -> Session:
-        """World, mission and stack, loaded and checked again; not driven."""
-        return self.case.prepare()
-
     @property
     def result(self) -> MissionResult:
         """All of the result. A run of the cache is driven again for it, command by command."""
@@ -129,10 +124,14 @@ def drive(case: MissionCase) -> MissionResult:
         KeyboardInterrupt: the user has stopped the run.
 
     """
-    result = case.prepare().run(record=util.find_spec("foxglove") is not None)
-    if result.outcome == "cancelled":  # caught by the runner; pytest has to stop as well
-        raise KeyboardInterrupt
-    return result
+    return run_mission(
+        case.world,
+        case.mission,
+        seed=case.seed,
+        stack=case.stack,
+        set=case.overrides,
+        record=util.find_spec("foxglove") is not None,
+    )
 
 
 def properties(run: MissionRun) -> list[tuple[str, str]]:

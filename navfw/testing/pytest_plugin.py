@@ -36,7 +36,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from navfw.testing.mission_case import MARKER, MarkerError, MissionCase, cases_of, widened
+from navfw.errors import InputError
+from navfw.testing.mission_case import MARKER, MissionCase, cases_of, widened
 
 if TYPE_CHECKING:
     from navfw.testing.mission_cache import MissionCache
@@ -54,11 +55,7 @@ _MISSION = "mission"
 _FILES = "navfw_missions"
 
 _SEEDS = pytest.StashKey[tuple[int, ...]]()
-_WRONG = pytest.StashKey[dict[tuple[object, ...], str]]()
-
-
-class NotReachedError(Exception):
-    """The mission of a file did not reach its goals."""
+_CHECKED = pytest.StashKey[set[tuple[object, ...]]]()
 
 
 class MissionYaml(pytest.File):
@@ -74,8 +71,10 @@ class MissionYaml(pytest.File):
         world, seeds = self.path.parents[1], self.config.stash[_SEEDS]
         named = str(world) if (world / "world.yaml").is_file() else world.name
         cases = [MissionCase(named, str(self.path), seed) for seed in widened([0], seeds)]
-        if wrong := cases[0].check():
-            raise self.CollectError(wrong)
+        try:
+            cases[0].prepare()
+        except InputError as error:
+            raise self.CollectError(str(error)) from None
         for case in cases:
             yield MissionItem.from_parent(self, name=f"seed{case.seed}", case=case)
 
@@ -88,21 +87,10 @@ class MissionItem(pytest.Item):
         self.case = case
 
     def runtest(self) -> None:
-        """Drive the mission; the hooks of the plugin check faults and report.
-
-        Raises:
-            NotReachedError: the goals were not reached.
-
-        """
+        """Drive the mission; the hooks of the plugin check faults and report."""
         run = run_for(self, self.case)
         if not run.outcome.succeeded:
-            raise NotReachedError(f"{run.verdict}")
-
-    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """The outcome alone for a mission that did not reach its goals."""
-        if isinstance(excinfo.value, NotReachedError):
-            return f"expected the goal to be reached; {excinfo.value}"
-        return super().repr_failure(excinfo, style)
+            pytest.fail(f"expected the goal to be reached; {run.verdict}", pytrace=False)
 
     def reportinfo(self) -> tuple[Path, None, str]:
         """The file and the name of the test."""
@@ -143,10 +131,9 @@ def pytest_configure(config: pytest.Config) -> None:
     """Register the marker; trust the project whose tests are run, as they are its code, too."""
     config.addinivalue_line("markers", MARKER)
     config.stash[_SEEDS] = _more_seeds(config)
-    config.stash[_WRONG] = {}
+    config.stash[_CHECKED] = set()
     from navfw.config.lookup import project_folder
     from navfw.config.project_trust import trusting
-    from navfw.errors import InputError
 
     try:
         project = project_folder(config.rootpath)
@@ -162,7 +149,6 @@ def _more_seeds(config: pytest.Config) -> tuple[int, ...]:
     text = config.getoption("mission_seeds")
     if text is None:
         return ()
-    from navfw.errors import InputError
     from navfw.suite.suitefile import parse_seeds
 
     try:
@@ -194,15 +180,13 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     seeds: tuple[int, ...] = metafunc.config.stash[_SEEDS]
     try:
         cases = list(cases_of(marker, seeds))
-    except MarkerError as error:
+        for case in (param.values[0] for param in cases):
+            drive = (case.world, case.mission, case.stack, case.overrides)
+            if drive not in metafunc.config.stash[_CHECKED]:
+                metafunc.config.stash[_CHECKED].add(drive)
+                case.prepare()
+    except InputError as error:
         raise pytest.fail.Exception(f"{where}: {error}", pytrace=False) from None
-    wrong = metafunc.config.stash[_WRONG]
-    for case in (param.values[0] for param in cases):
-        drive = (case.world, case.mission, case.stack, case.overrides)
-        if drive not in wrong:
-            wrong[drive] = case.check()
-            if wrong[drive]:
-                pytest.fail(f"{where}: {wrong[drive]}", pytrace=False)
     metafunc.parametrize(_MISSION, cases, indirect=True)
 
 
@@ -228,7 +212,6 @@ def pytest_collection_finish(session: pytest.Session) -> None:
 
 def run_for(item: pytest.Item, case: MissionCase) -> MissionRun:
     """The run of ``case`` for a test: driven before in this session, cached, or driven now."""
-    from navfw.errors import InputError
     from navfw.testing.mission_run import properties
 
     config = item.config

@@ -31,7 +31,7 @@ def test_the_robot_drives_from_the_lobby_to_the_lab(mission: MissionRun) -> None
 
 @pytest.mark.mission(world="office", mission="lobby-to-lab", seeds=[1])
 def test_commands_keep_the_robot_s_limits(mission: MissionRun) -> None:
-    robot = mission.session.mission.spec.robot
+    robot = mission.case.prepare().mission.spec.robot
     v, w = mission.commands[:, 1], mission.commands[:, 2]
     assert v.max() <= robot.max_v
     assert v.min() >= -robot.max_reverse
