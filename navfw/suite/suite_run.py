@@ -12,10 +12,10 @@ import time
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any, Protocol
 
 from navfw.errors import InputError, SimulationError
+from navfw.guard.plugin_guard import error_text
 from navfw.missions.outcome import Cause, Outcome
 from navfw.missions.session import MissionResult
 from navfw.plugins import Registry, default_registry
@@ -198,9 +198,7 @@ def run_case(case: Case) -> RunRow:
         raise  # of this machine now, not of the case: the run has no result
     except Exception as error:
         traceback.print_exc(file=sys.stderr)
-        where = traceback.extract_tb(error.__traceback__)[-1]
-        place = f"{Path(where.filename).name}:{where.lineno}"
-        return case.fault(f"{type(error).__name__}: {error} ({place})", Cause.EXCEPTION)
+        return case.fault(error_text(error), Cause.EXCEPTION)
 
 
 def _keep(row: RunRow, case: Case, result: MissionResult) -> RunRow:

@@ -12,7 +12,6 @@ import os
 import subprocess
 import sys
 import time
-import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -27,6 +26,7 @@ from navfw.context import Context
 from navfw.errors import PluginError
 from navfw.guard import PluginCallError, PluginGuard
 from navfw.guard.answers import AnswerError
+from navfw.guard.plugin_guard import error_text
 from navfw.guard.stage_answers import check_proposal, check_weights
 from navfw.interfaces import Behavior, Composite, Plugin
 from navfw.plugins import default_registry
@@ -158,7 +158,7 @@ def _problems(
         try:
             plugin, other = cls(_ROBOT), cls(_ROBOT)
         except Exception as error:  # the class may do anything
-            return [*problems, f"{cls.__name__}(robot) raised {_raised(error, cls)}"]
+            return [*problems, f"{cls.__name__}(robot) raised {error_text(error)}"]
         scenes: dict[str, list[str]] = {}
         for scene in SCENES:
             contexts = contexts_of(scene)
@@ -228,7 +228,7 @@ def _weigh(composite: Composite, contexts: Sequence[Context], known: list[str]) 
     except AnswerError as error:
         return [str(error)], {}
     except Exception as error:  # a plugin may raise anything
-        return [f"it raised {_raised(error, type(composite))}"], {}
+        return [f"it raised {error_text(error)}"], {}
     return [], {"weight of a behaviour": digest.hexdigest()}
 
 
@@ -239,13 +239,13 @@ def _propose(behavior: Behavior, contexts: Sequence[Context], durations: list[fl
     try:
         behavior.reset()
     except Exception as error:  # a plugin may raise anything
-        return [f"reset() raised {_raised(error, type(behavior))}"], {}
+        return [f"reset() raised {error_text(error)}"], {}
     for context in contexts:
         began = time.perf_counter()
         try:
             proposal: object = behavior.propose(context)
         except Exception as error:
-            problems[f"propose raised {_raised(error, type(behavior))}"] = None
+            problems[f"propose raised {error_text(error)}"] = None
             continue
         durations.append(time.perf_counter() - began)
         problems.update(dict.fromkeys(_faults(proposal, context)))
@@ -271,20 +271,7 @@ def _faults(proposal: object, context: Context) -> Iterator[str]:
         explanation = [dict(rule) for rule in proposal.explain(0, 0)]
         json.dumps(plain_json(explanation), allow_nan=False)
     except Exception as error:  # a plugin may return anything
-        yield f"explain(0, 0) does not give plain data: {_message(error)}"
-
-
-def _message(error: Exception) -> str:
-    first = (str(error).splitlines() or [""])[0]
-    return f"{type(error).__name__}: {first}"
-
-
-def _raised(error: Exception, cls: type[Plugin]) -> str:
-    """The message of ``error``, and the line of the plugin's file that it comes from."""
-    frames = traceback.extract_tb(error.__traceback__)
-    own = [frame for frame in frames if frame.filename == str(source_file(cls))]
-    frame = (own or frames)[-1]
-    return f"{_message(error)} ({shown_path(Path(frame.filename))}:{frame.lineno}: {frame.line})"
+        yield f"explain(0, 0) does not give plain data: {error_text(error)}"
 
 
 # --- in another process ---------------------------------------------------------------------------

@@ -14,7 +14,6 @@ import numpy as np
 
 from navfw.context import CommandGrid, Context
 from navfw.flow.grid_flow import grid_points
-from navfw.flow.ideal import true_vectors
 from navfw.interfaces import Fusion
 from navfw.localmap import LocalMap
 from navfw.mofis.mofis import DecisionInputs, Mofis
@@ -140,7 +139,9 @@ def wall_flow(robot: RobotModel, time: float, ahead: float, left: float, right: 
         nearness = np.maximum(nearness, advance / max(distance, 0.02))
     step = camera.base_from_camera.T @ np.array([_BASELINE, 0.0, 0.0])
     motion = CameraMotion(np.eye(3), step, 0.2, 1e-3, 1e-3)
-    vectors = true_vectors(points, nearness, motion, camera.focal)
+    # a point p at depth Z flows by e / (Z + s_z), with e = p s_z - f s_xy
+    e = points * step[2] - camera.focal * step[:2]
+    vectors = e / (1.0 / nearness + step[2])[..., None]
     known = np.full(_GRID, 0.9), np.full(_GRID, 0.1)
     return FlowField(time, points, vectors, *known, motion, derotated=True)
 

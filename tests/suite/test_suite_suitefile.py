@@ -326,8 +326,8 @@ def test_an_exception_in_a_run_is_a_fault_with_its_source_line(
     monkeypatch.setattr(worldgen, "generate", broken)
     row = run_case(replace(plan.cases[0], pictures=tmp_path, keep="failed"))
     assert (row.outcome, row.cause) == ("fault", "exception")
-    place = "test_suite_suitefile.py:"
-    assert row.reason.startswith(f"ZeroDivisionError: of the generator ({place}")
+    assert row.reason.startswith("ZeroDivisionError: of the generator (")
+    assert "test_suite_suitefile.py:" in row.reason
     assert "Traceback" in capsys.readouterr().err
 
 

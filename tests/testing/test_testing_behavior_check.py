@@ -178,7 +178,7 @@ FAILING = propose_and_fail.__code__.co_firstlineno + 1
         (propose_without_reset, "after reset()"),
         (propose_in_the_context, "read-only"),
         (propose_slowly, "the limit is 1 ms"),
-        (propose_and_fail, "behavior_check.py:{line}: return 1 / 0)"),
+        (propose_and_fail, "behavior_check.py:{line}, in propose_and_fail: return 1 / 0)"),
     ],
 )
 def test_a_breach_of_the_contract_is_named(propose: Any, message: str) -> None:
