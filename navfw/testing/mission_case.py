@@ -84,8 +84,8 @@ def cases_of(marker: pytest.Mark, seeds: Iterable[int]) -> Iterator[Any]:
     from navfw.config.overrides import override_texts
 
     arguments = _arguments(marker)
-    given, own = arguments["mission"], list(arguments.get("seeds", (0,)))
-    missions = [given] if isinstance(given, str | Path) else list(given)
+    missions, own = arguments["mission"], list(arguments.get("seeds", (0,)))
+    missions = [missions] if isinstance(missions, str | Path) else list(missions)
     if not missions or not own:
         raise InputError("expected at least one mission and one seed")
     stack = arguments.get("stack")
