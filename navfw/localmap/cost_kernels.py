@@ -1,7 +1,7 @@
 """Compiled kernels of the local planner: prices of cells, cost-to-go, and descent along it.
 
 All work on square grids indexed [row, column] = [y, x] in the odom frame's directions; distances
-along a way are in cells.
+along a path are in cells.
 """
 
 from __future__ import annotations

@@ -36,12 +36,12 @@ _MAX_EXPANDED = 12000  # chosen
 _COMFORT = 0.25  # chosen
 """Clearance [m] of the body from which a state costs no more."""
 _NARROW, _BACKWARD, _SPOT, _SWITCH = 6.0, 3.0, 0.15, 0.2  # chosen
-"""Extra price of a state that just fits; share by which a way backward is dearer; prices [m] of one
+"""Extra price of a state that just fits; factor on a path backward; prices [m] of one
 heading's turn on the spot, and of a change of gear."""
 _AT = 0.08  # chosen
 """Cost-to-go [m] at which a state is at the waypoint."""
 _GREED = 1.3  # chosen
-"""Weight of the cost-to-go: a way may cost more than the cheapest by this factor."""
+"""Weight of the cost-to-go: a path may cost more than the cheapest by this factor."""
 
 
 @numba.njit(cache=True)

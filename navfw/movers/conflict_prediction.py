@@ -2,7 +2,7 @@
 
 A static obstacle bars an arc at any time; a moving obstacle only for a while. So the robot on each
 command and all tracks at constant velocity are moved on together, step by step, and the distance
-and time at closest approach are kept. Ways that pass behind a moving obstacle, or wait for it,
+and time at closest approach are kept. Paths that pass behind a moving obstacle, or wait for it,
 come out as free.
 """
 
@@ -186,7 +186,7 @@ def _ways(
     onward_speed: float,
     steps: int,
 ) -> Array:
-    """Compute the length [m] of each step (n_v, steps + 1) on the way from ``v`` to ``speeds``.
+    """Compute the length [m] of each step (n_v, steps + 1), speeding from ``v`` to ``speeds``.
 
     A speed of zero becomes ``onward_speed`` [m/s] after ``turn_time`` [s].
     """

@@ -29,10 +29,10 @@ _GATE, _GATE_SIGMA = 3.0, 0.05  # chosen
 """Residual of a single vector from which it is moving [sigma], and the sigma [px] added to its
 own."""
 _SLIP, _SEEN_SLIP = 0.05, 0.015  # chosen
-"""Relative error of the way driven by the wheels, and so of the floor's flow; and that left where
-the floor's own flow confirms the way."""
+"""Relative error of the distance driven by the wheels, and so of the floor's flow; and that left
+where the floor's own flow confirms the distance."""
 _FLOOR_CELLS, _FLOOR_FLOW = 40, 3.0  # chosen
-"""Number of floor cells from which they confirm the way, each with at least this flow [px]."""
+"""Least number of floor cells that confirm the distance, each with at least this flow [px]."""
 _MIN_BASELINE = 0.002  # chosen
 """Baseline [m] below which the camera counts as standing: static points then have no flow."""
 _PATCH_GATE, _PATCH_SIGMA = 2.5, 0.1  # chosen
@@ -132,7 +132,7 @@ def _suspects(
     error of the yaw does not explain, and the other masks are empty. Crossing: across the epipolar
     line. Nearer: of larger nearness than the next floor down the column; as the farthest floor cell
     of a column may be half hidden, that of one row below it. ``sigmas`` are those of yaw and
-    direction of motion [rad], and of the way sideways, relative to the way.
+    direction of motion [rad], and of the sideways share of the displacement.
     """
     yaw_sigma, direction, skid = sigmas
     rows, cols = sigma.shape

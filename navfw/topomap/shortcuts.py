@@ -20,13 +20,13 @@ from navfw.numerics import Array, Mask
 from navfw.topomap.clearance_grid import ClearanceGrid
 
 _STRETCH = 1.05
-"""Largest length of a way in the graph, over that of the shortest one with ``_COMFORT``."""
+"""Largest length of a path in the graph, over that of the shortest one with ``_COMFORT``."""
 
 _LAST_STRETCH = 1.2
-"""The same for ways from and to points that are taken only because ways lead over them."""
+"""The same for paths from and to points that are taken only because paths lead over them."""
 
 _HALL_STRETCH = 2.0
-"""The same for ways that take a point in a hall that is none of those that matter."""
+"""The same for paths over a point in a hall that is none of those that matter."""
 
 _COMFORT = 0.45
 """Clearance [m] of lines that are not lines of the given graph."""
