@@ -12,7 +12,6 @@ from navfw.cli.output import console, print_json, print_table, quiet_stdout
 from navfw.config import lookup
 from navfw.config.file_kinds import FILE_KINDS, FileKind
 from navfw.config.input_file import shown_path
-from navfw.config.project_trust import require_trust
 from navfw.errors import InputError
 from navfw.process.printable_text import printable_data
 
@@ -82,56 +81,18 @@ def plugins(
     With --parameters, --kind or --json their parameters are listed, too.
     """
     with quiet_stdout():
-        if kind is None and not (parameters or json):
-            rows = overview()
-        else:
-            from navfw.plugins.registry import check_kind, default_registry
+        from navfw.plugins.registry import check_kind, default_registry
 
-            if kind is not None:
-                check_kind(kind)  # before any plugin is imported
-            rows = default_registry().listing(kind)
+        if kind is not None:
+            check_kind(kind)  # before any plugin is imported
+        detailed = parameters or json or kind is not None
+        rows = default_registry().listing(kind, parameters=detailed)
     if json:
         print_json(rows)
     else:
         _print_plugins(rows)
     if any(row["error"] is not None for row in rows):
         raise typer.Exit(2)
-
-
-def overview() -> list[Row]:
-    """Every plugin: name, kind, source, summary and error, in the order of kinds.
-
-    Of shipped and of installed plugins this is what their source says: they are neither imported
-    nor verified, which ``Registry.listing`` does. Those of the project are, and what has no source
-    or a name that is taken.
-
-    Raises:
-        UntrustedCodeError: the project has plugins, and the user has not agreed to execute them.
-
-    """
-    from navfw.plugins import built_in
-
-    require_trust()
-    points, folders = built_in.installed_points(), lookup.project_plugin_folders()
-    try:
-        shipped, installed = built_in.shipped_outlines(), built_in.installed_outlines(points)
-    except SyntaxError:
-        from navfw.plugins.registry import default_registry
-
-        return default_registry().listing()  # which has the error
-    rows = built_in.in_order([*shipped, *installed])
-    is_whole = len({(row["kind"], row["name"]) for row in rows}) == len(shipped) + len(points)
-    if is_whole and not folders:
-        return rows
-    from navfw.plugins.registry import Registry
-
-    registry = Registry()
-    for row in shipped:
-        registry.register_lazily(row["kind"], row["name"], "", row["source"])
-    for folder in folders:
-        registry.discover_folder(folder)
-    registry.discover_entry_points(points)
-    return registry.listing(outlines=rows)
 
 
 def _row(kind: FileKind, file: lookup.NamedFile) -> Row:

@@ -8,7 +8,7 @@ already is returned as it is, any other is made anew. ``AnswerError`` says what 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from operator import is_
 from types import MappingProxyType
 from typing import Any, TypeVar
@@ -143,23 +143,9 @@ def mapping(value: Any, what: str) -> dict[str, Any]:
     return {text(key, f"a key of {what}"): item for key, item in value.items()}
 
 
-def numbers(
-    value: Any, what: str, low: float = -math.inf, high: float = math.inf
-) -> Mapping[str, float]:
-    """``value`` as a mapping of texts to finite numbers in [low, high]."""
-    items = mapping(value, what).items()
-    result = {name: number(item, f"{what}.{name}", low, high) for name, item in items}
-    return unchanged(value, result)
-
-
-def texts(value: Any, what: str) -> Mapping[str, str]:
-    """``value`` as a mapping of texts to texts."""
-    result = {name: text(item, what) for name, item in mapping(value, what).items()}
-    return unchanged(value, result)
-
-
-def unchanged(value: Any, result: Mapping[str, T]) -> Mapping[str, T]:
-    """``value`` itself, if it is immutable and has the items of ``result``; else ``result``."""
+def mapping_of(value: Any, what: str, check: Callable[[Any, str], T]) -> Mapping[str, T]:
+    """``value`` as a mapping of texts to checked items; itself if it is immutable and has these."""
+    result = {name: check(item, f"{what}.{name}") for name, item in mapping(value, what).items()}
     same = type(value) is MappingProxyType and all(map(is_, result.values(), value.values()))
     return value if same else result
 

@@ -7,10 +7,11 @@ stage fails (``PluginGuard.failing``). ``plugin`` is the stage itself.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -36,7 +37,6 @@ from navfw.signals import (
 from navfw.topomap import TopoMap
 
 PluginT = TypeVar("PluginT", bound=interfaces.Plugin)
-AnswerT = TypeVar("AnswerT")
 
 _UNKNOWN_POSITION = 1e3
 """Standard deviation [m, rad] of a belief without any answer of the localizer."""
@@ -49,6 +49,8 @@ class GuardedStage(Generic[PluginT]):
         self.guard = guard
         self.plugin = plugin
         self.label = label_of(plugin)
+        self._prepare = partial(guard.call, self.label, check=nothing)
+        self._attempt = partial(guard.attempt, self.label)
 
     def reset(self) -> None:
         """Back to the start of a run.
@@ -59,24 +61,6 @@ class GuardedStage(Generic[PluginT]):
         """
         self._prepare(self.plugin.reset)
 
-    def _prepare(self, function: Callable[..., object], *arguments: object) -> None:
-        """Call what precedes a run; raises PluginCallError if the plugin fails."""
-        self.guard.call(self.label, function, *arguments, check=nothing)
-
-    def _attempt(
-        self,
-        function: Callable[..., object],
-        *arguments: object,
-        check: Callable[[Any], AnswerT],
-        otherwise: AnswerT,
-        vital: bool = False,
-    ) -> AnswerT:
-        """The checked answer, or ``otherwise`` when the plugin fails."""
-        try:
-            return self.guard.call(self.label, function, *arguments, check=check, vital=vital)
-        except PluginCallError:
-            return otherwise
-
 
 class GuardedFlow(GuardedStage[interfaces.FlowProcessor]):
     """A flow processor; None for a pair of frames at which it fails."""
@@ -84,7 +68,7 @@ class GuardedFlow(GuardedStage[interfaces.FlowProcessor]):
     def compute(self, pair: FramePair) -> FlowField | None:
         """The flow of ``pair``."""
         check = partial(answers.check_flow, pair=pair)
-        return self._attempt(self.plugin.compute, pair, check=check, otherwise=None, vital=True)
+        return self._attempt(self.plugin.compute, pair, check=check, vital=True)
 
 
 class GuardedPerception(GuardedStage[interfaces.Perception]):
@@ -92,8 +76,8 @@ class GuardedPerception(GuardedStage[interfaces.Perception]):
 
     def perceive(self, flow: FlowField, twist: Twist) -> Percept | None:
         """The percept of ``flow``."""
-        perceive, check = self.plugin.perceive, partial(answers.check_percept, flow=flow)
-        return self._attempt(perceive, flow, twist, check=check, otherwise=None, vital=True)
+        check = partial(answers.check_percept, flow=flow)
+        return self._attempt(self.plugin.perceive, flow, twist, check=check, vital=True)
 
 
 class GuardedFeatures(GuardedStage[interfaces.FeatureRecognizer]):
@@ -105,8 +89,7 @@ class GuardedFeatures(GuardedStage[interfaces.FeatureRecognizer]):
 
     def recognize(self, frame: Frame) -> tuple[LandmarkDetection, ...]:
         """The landmarks detected in ``frame``."""
-        check = answers.check_detections
-        return self._attempt(self.plugin.recognize, frame, check=check, otherwise=())
+        return self._attempt(self.plugin.recognize, frame, check=answers.check_detections) or ()
 
 
 class GuardedLocalizer(GuardedStage[interfaces.Localizer]):
@@ -126,16 +109,11 @@ class GuardedLocalizer(GuardedStage[interfaces.Localizer]):
         self, odometry: Odometry, percept: Percept | None, detections: Sequence[LandmarkDetection]
     ) -> Belief:
         """The belief now."""
-        inputs = odometry, percept, detections
-        update = self.plugin.update
-        check = answers.check_belief
-        belief = self._attempt(update, *inputs, check=check, otherwise=None, vital=True)
-        if belief is None:
-            return self._extrapolated(odometry)
-        self._last = (belief, odometry)
-        return belief
-
-    def _extrapolated(self, odometry: Odometry) -> Belief:
+        inputs, check = (odometry, percept, detections), answers.check_belief
+        belief = self._attempt(self.plugin.update, *inputs, check=check, vital=True)
+        if belief is not None:
+            self._last = (belief, odometry)
+            return belief
         if self._last is None:
             unknown = np.eye(3) * _UNKNOWN_POSITION**2
             return Belief(odometry.time, Pose(0.0, 0.0, 0.0), unknown, {}, 0.0, lost=True)
@@ -159,30 +137,31 @@ class GuardedPlanner(GuardedStage[interfaces.Planner]):
 
     def update(self, belief: Belief) -> Waypoint | None:
         """The waypoint to drive to, None at the end."""
-        update, check = self.plugin.update, answers.check_waypoint
-        self._last = self._attempt(update, belief, check=check, otherwise=self._last, vital=True)
+        check = answers.check_waypoint
+        with suppress(PluginCallError):
+            self._last = self.guard.call(
+                self.label, self.plugin.update, belief, check=check, vital=True
+            )
         return self._last
 
     def observe(self, report: PassageReport) -> None:
         """Hand over the status of passages."""
-        self._attempt(self.plugin.observe, report, check=nothing, otherwise=None)
+        self._attempt(self.plugin.observe, report, check=nothing)
 
     @property
     def path(self) -> tuple[Waypoint, ...]:
         """The waypoints still ahead."""
-        return self._attempt(lambda: self.plugin.path, check=answers.check_path, otherwise=())
+        return self._attempt(lambda: self.plugin.path, check=answers.check_path) or ()
 
     @property
     def queries(self) -> tuple[PassageQuery, ...]:
         """The passages whose status the planner wants."""
-        check = answers.check_queries
-        return self._attempt(lambda: self.plugin.queries, check=check, otherwise=())
+        return self._attempt(lambda: self.plugin.queries, check=answers.check_queries) or ()
 
     @property
     def no_route_reason(self) -> str | None:
         """Why no route leads to the goal; None while there is one."""
-        check = answers.check_reason
-        return self._attempt(lambda: self.plugin.no_route_reason, check=check, otherwise=None)
+        return self._attempt(lambda: self.plugin.no_route_reason, check=answers.check_reason)
 
 
 class GuardedController(GuardedStage[interfaces.Controller]):
@@ -190,6 +169,6 @@ class GuardedController(GuardedStage[interfaces.Controller]):
 
     def control(self, command: Command | None, odometry: Odometry, dt: float) -> Twist:
         """The twist for the next ``dt`` [s]."""
-        inputs = command, odometry, dt
-        control, check, stopped = self.plugin.control, answers.check_twist, Twist(0.0, 0.0)
-        return self._attempt(control, *inputs, check=check, otherwise=stopped, vital=True)
+        inputs, check = (command, odometry, dt), answers.check_twist
+        twist = self._attempt(self.plugin.control, *inputs, check=check, vital=True)
+        return Twist(0.0, 0.0) if twist is None else twist

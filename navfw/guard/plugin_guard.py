@@ -15,7 +15,7 @@ from navfw.config.input_file import shown_path
 from navfw.errors import InputError, NavfwError, PluginError, described
 from navfw.guard.answers import AnswerError, instance
 from navfw.interfaces import Plugin
-from navfw.process.interruption import check_interrupted, interrupted
+from navfw.process.interruption import check_interrupted
 from navfw.process.watchdog import PluginTimeout, Watchdog
 from navfw.robot import RobotModel
 
@@ -180,21 +180,31 @@ class PluginGuard:
                 answer = check(function(*arguments))
             finally:
                 self.watchdog.end()
-        except PluginTimeout as timeout:
-            self._suspend(plugin)
-            late = _with_origin(f"took too long: {timeout}", timeout)
-            raise self._failure(plugin, late, vital) from None
         except BaseException as error:  # SystemExit, too: a plugin must not end the run
-            check_interrupted()  # compiled code may raise another error than the interruption
-            if isinstance(error, KeyboardInterrupt) and interrupted():
-                raise
+            check_interrupted(error)
             if isinstance(error, InputError) and self.starting:
                 raise  # the plugin refuses the mission
+            if isinstance(error, PluginTimeout):
+                self._suspend(plugin)
             raise self._failure(plugin, error_text(error), vital) from None
         self._answered[plugin] += 1
         if vital:
             self.failing.pop(plugin, None)
         return answer
+
+    def attempt(
+        self,
+        plugin: str,
+        function: Callable[..., Any],
+        *arguments: Any,
+        check: Callable[[Any], AnswerT],
+        vital: bool = False,
+    ) -> AnswerT | None:
+        """The answer as by ``call``; None when the plugin fails."""
+        try:
+            return self.call(plugin, function, *arguments, check=check, vital=vital)
+        except PluginCallError:
+            return None
 
     def _suspend(self, plugin: str) -> None:
         """Do not call ``plugin`` for some simulated time, each time for twice as long."""
@@ -230,18 +240,11 @@ def contained(plugin: str, *passed: type[Exception]) -> Iterator[None]:
             yield
         except meant:
             raise
-        except PluginTimeout as late:
-            what = _with_origin(f"took too long: {late}", late)
         except BaseException as error:
-            check_interrupted()
-            if isinstance(error, KeyboardInterrupt) and interrupted():
-                raise
-            what = error_text(error)
-        else:
-            return
+            check_interrupted(error)
+            raise PluginError(error_text(error), key=plugin) from None
         finally:
             watchdog.end()
-    raise PluginError(what, key=plugin)
 
 
 def construct(
@@ -259,12 +262,10 @@ def construct(
 
 def error_text(error: BaseException) -> str:
     """Type and message of ``error`` on one line, shortened, and where it was raised."""
-    kind, message = described(error)
-    text = f"{kind}: {message}" if message else kind
+    if isinstance(error, PluginTimeout):
+        text = f"took too long: {error}"
+    else:
+        text = ": ".join(part for part in described(error) if part)
     short = text if len(text) <= _MAX_ERROR else f"{text[:_MAX_ERROR]}..."
-    return short if isinstance(error, AnswerError) else _with_origin(short, error)
-
-
-def _with_origin(text: str, error: BaseException) -> str:
-    origin = fault_origin(error)
-    return f"{text} ({origin})" if origin else text
+    origin = "" if isinstance(error, AnswerError) else fault_origin(error)
+    return f"{short} ({origin})" if origin else short

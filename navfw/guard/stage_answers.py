@@ -87,7 +87,7 @@ def check_flow(answer: Any, pair: FramePair) -> FlowField:
         points=answers.array(answer.points, "points", (*shape, 2)),
         vectors=answers.array(answer.vectors, "vectors", (*shape, 2)),
         confidence=confidence,
-        sigma=_deviations(answer.sigma, shape, confidence),
+        sigma=_finite_where(answer.sigma, "sigma", shape, confidence, 0.0),
         motion=pair.motion,
         inconsistency=None if hints is None else answers.degrees(hints, "inconsistency", shape),
     )
@@ -114,7 +114,7 @@ def check_percept(answer: Any, flow: FlowField) -> Percept:
         Percept,
         points=answers.array(answer.points, "points", (*shape, 2)),
         nearness=_finite_where(answer.nearness, "nearness", shape, confidence),
-        sigma=_deviations(answer.sigma, shape, confidence),
+        sigma=_finite_where(answer.sigma, "sigma", shape, confidence, 0.0),
         confidence=confidence,
         height=_finite_where(answer.height, "height", shape, labelled),
         label=answers.contiguous(label, _INT8),
@@ -123,15 +123,11 @@ def check_percept(answer: Any, flow: FlowField) -> Percept:
 
 def check_detections(answer: Any) -> tuple[LandmarkDetection, ...]:
     """A feature recogniser's landmarks in one image."""
-    marks = answers.items(answer, "recognize's answer")
-    return tuple(
-        _checked(
-            answers.instance(mark, LandmarkDetection, "recognize"),
-            LandmarkDetection,
-            covariance=_covariance(mark.covariance, 2),
-        )
-        for mark in marks
-    )
+    return _each(answer, LandmarkDetection, "recognize", _detection)
+
+
+def _detection(mark: LandmarkDetection) -> LandmarkDetection:
+    return _checked(mark, LandmarkDetection, covariance=_covariance(mark.covariance, 2))
 
 
 def check_belief(answer: Any) -> Belief:
@@ -153,16 +149,18 @@ def _waypoint(answer: Waypoint) -> Waypoint:
 
 def check_path(answer: Any) -> tuple[Waypoint, ...]:
     """A planner's waypoints ahead."""
-    return tuple(
-        _waypoint(answers.instance(item, Waypoint, "path"))
-        for item in answers.items(answer, "path")
-    )
+    return _each(answer, Waypoint, "path", _waypoint)
 
 
 def check_queries(answer: Any) -> tuple[PassageQuery, ...]:
     """A planner's queries for passages."""
-    queries = answers.items(answer, "queries")
-    return tuple(_query(answers.instance(item, PassageQuery, "queries")) for item in queries)
+    return _each(answer, PassageQuery, "queries", _query)
+
+
+def _each(answer: Any, cls: type[T], call: str, check: Callable[[T], T]) -> tuple[T, ...]:
+    """The items of an answer, each a ``cls`` that is checked."""
+    items = answers.items(answer, f"{call}'s answer")
+    return tuple(check(answers.instance(item, cls, call)) for item in items)
 
 
 @lru_cache(maxsize=4096)
@@ -186,18 +184,14 @@ def _explanation(value: Any, what: str) -> Mapping[str, Any]:
     return value
 
 
-def _finite_where(value: Any, what: str, shape: tuple[int, int], confidence: Array) -> Array:
+def _finite_where(
+    value: Any, what: str, shape: tuple[int, int], confidence: Array, low: float = -math.inf
+) -> Array:
+    """An array that is at least ``low``, and finite wherever the confidence is not 0."""
     result = answers.real(value, what, shape)
-    if not are_finite_where(result, confidence, -np.inf):
-        raise answers.AnswerError(f"{what} has values that are not finite")
-    return result
-
-
-def _deviations(value: Any, shape: tuple[int, int], confidence: Array) -> Array:
-    """Standard deviations: at least 0, finite wherever the confidence is not 0."""
-    result = answers.real(value, "sigma", shape)
-    if not are_finite_where(result, confidence, 0.0):
-        raise answers.AnswerError("sigma has values that are negative or not finite")
+    if not are_finite_where(result, confidence, low):
+        below = "" if math.isinf(low) else f"below {low:g} or "
+        raise answers.AnswerError(f"{what} has values that are {below}not finite")
     return result
 
 
@@ -210,23 +204,19 @@ def _covariance(value: Any, size: int) -> Array:
     return covariance
 
 
+_numbers = partial(answers.mapping_of, check=answers.number)
+_texts = partial(answers.mapping_of, check=answers.text)
+
+
 def _quadrants(value: Any, what: str) -> Mapping[str, Mapping[str, float]]:
     """Degrees of near, middle and far for each quadrant, the four of the image among them."""
-    quadrants = _of_mappings(value, what, answers.numbers)
+    quadrants = answers.mapping_of(value, what, _numbers)
     for name in QUADRANTS:
         degrees_by_term = quadrants.get(name, {})
         for term in _TERMS:
             if term not in degrees_by_term:
                 raise answers.AnswerError(f"quadrants has no {name}.{term}")
     return quadrants
-
-
-def _of_mappings(
-    value: Any, what: str, check: Callable[[Any, str], Mapping[str, T]]
-) -> Mapping[str, Mapping[str, T]]:
-    """A mapping of texts to mappings, each checked; ``value`` itself if nothing has to change."""
-    items = answers.mapping(value, what).items()
-    return answers.unchanged(value, {name: check(item, name) for name, item in items})
 
 
 def _width(value: Any, what: str) -> float:
@@ -249,14 +239,14 @@ _CHECKS: Mapping[str, Callable[[Any, str], Any]] = {
     **dict.fromkeys(("applicability", "confidence", "floor_in_front"), answers.degree),
     **dict.fromkeys(("reason", "leader", "sentence", "identity", "place", "kind"), answers.text),
     **dict.fromkeys(("emergency", "derotated", "lost", "final"), lambda value, _: bool(value)),
-    **dict.fromkeys(("weights", "planes"), answers.numbers),
-    **dict.fromkeys(("places", "situations"), partial(answers.numbers, low=0.0, high=1.0)),
+    **dict.fromkeys(("weights", "planes"), _numbers),
+    **dict.fromkeys(("places", "situations"), partial(answers.mapping_of, check=answers.degree)),
     **dict.fromkeys(("start", "end"), _point),
     **dict.fromkeys(("updates", "hypotheses"), _count),
     "twist": answers.twist,
     "pose": answers.pose,
-    "slopes": answers.texts,
-    "obstacles": partial(_of_mappings, check=answers.texts),
+    "slopes": _texts,
+    "obstacles": partial(answers.mapping_of, check=_texts),
     "quadrants": _quadrants,
     "explanation": _explanation,
     "width": _width,

@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -19,8 +19,6 @@ from navfw.guard.stage_answers import check_command, check_proposal, check_weigh
 from navfw.interfaces import Behavior, Composite, Fusion, Plugin
 from navfw.localmap import Arcs, LocalGoal, LocalMap, Ranges
 from navfw.robot import RobotModel
-
-AnswerT = TypeVar("AnswerT")
 
 MOVING = 0.08  # chosen
 """Commanded speed [m/s] from which the wheels are expected to follow."""
@@ -170,11 +168,11 @@ class Mofis:
         self.weights = self._weigh(context) if asked else {}
         for name, behavior in self.behaviors.items() if asked else ():
             label, check = f"behavior {name}", self._check_proposal
-            proposal = self._answer(label, behavior.propose, context, check=check)
+            proposal = self.guard.attempt(label, behavior.propose, context, check=check)
             if proposal is not None:
                 self.proposals[name] = proposal.weighted(self.weights.get(name, 1.0))
         label, proposals = self._fusion_label, MappingProxyType(self.proposals)
-        self._previous = self._answer(
+        self._previous = self.guard.attempt(
             label, self.fusion.fuse, context, proposals, check=check_command, vital=True
         )
         return self._previous
@@ -217,21 +215,7 @@ class Mofis:
         if self.composite is None:
             return {}
         weigh, check = self.composite.weigh, self._check_weights
-        return self._answer(self._composite_label, weigh, context, check=check) or {}
-
-    def _answer(
-        self,
-        plugin: str,
-        function: Callable[..., Any],
-        *arguments: Any,
-        check: Callable[[Any], AnswerT],
-        vital: bool = False,
-    ) -> AnswerT | None:
-        """Call the plugin and return its answer; None if it fails."""
-        try:
-            return self.guard.call(plugin, function, *arguments, check=check, vital=vital)
-        except PluginCallError:
-            return None
+        return self.guard.attempt(self._composite_label, weigh, context, check=check) or {}
 
 
 def explanation_lines(explanation: dict[str, Any]) -> list[str]:

@@ -1,4 +1,4 @@
-"""The plugins that ship with navfw, as their source says, and entry points of installed packages.
+"""The plugins that ship with navfw, groups of entry points, and what source says of plugins.
 
 None of them is imported.
 """
@@ -7,14 +7,12 @@ from __future__ import annotations
 
 import ast
 import inspect
-from collections.abc import Iterable, Iterator
-from importlib.metadata import EntryPoint
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-from navfw.config.input_file import read_input, shown_path
-from navfw.config.installed_packages import file_of, points_of, source_of
-from navfw.config.lookup import plugin_files, shipped_folder
+from navfw.config.input_file import read_input
+from navfw.config.installed_packages import file_of
+from navfw.errors import ConfigError
 
 BUILT_IN: dict[str, dict[str, str]] = {
     "behavior": {},
@@ -65,20 +63,35 @@ GROUPS: dict[str, str] = {f"navfw.{_PLURALS.get(kind, kind + 's')}": kind for ki
 """Entry point groups of other packages: ``navfw.behaviors``, ``navfw.flows``, ..."""
 
 
-def installed_points() -> list[EntryPoint]:
-    """The entry points of installed packages in ``GROUPS``."""
-    return [point for group in GROUPS for point in points_of(group)]
+_FOLDER = Path(__file__).parents[2]
+_MAX_SOURCE = 1_000_000
+"""Largest size of a plugin's source that is read without importing it [byte]."""
 
 
-def installed_outlines(points: Iterable[EntryPoint]) -> list[dict[str, Any]]:
-    """The plugins of installed packages as their source says, as far as it is found."""
-    rows = []
-    for point in points:
-        file = file_of(point.module)
-        classes = () if file is None or file.suffix != ".py" else _classes(file)
-        for cls in (cls for cls in classes if cls.name == point.attr):
-            rows.append(_outline(GROUPS[point.group], point.name, source_of(point), cls))
-    return rows
+def outlines(file: Path) -> list[tuple[str, str, str]]:
+    """Kind, name and summary of each behaviour and composite in a file, as its source says.
+
+    None of a file that cannot be parsed.
+    """
+    return [
+        (
+            "composite" if ast.unparse(cls.bases[0]).endswith("Composite") else "behavior",
+            name,
+            summary_of(ast.get_docstring(cls)),
+        )
+        for cls in _classes(file)
+        for node in cls.body
+        for name in _names_in(node)
+    ]
+
+
+def outlined_summary(target: str) -> str:
+    """The summary of the class at ``module:Class``, as its source says; "" if it is not found."""
+    module, _, name = target.partition(":")
+    ours = _FOLDER.joinpath(*module.split(".")).with_suffix(".py")
+    file = ours if ours.is_file() else file_of(module)  # which imports the packages above it
+    classes = () if file is None or file.suffix != ".py" else _classes(file)
+    return next((summary_of(ast.get_docstring(cls)) for cls in classes if cls.name == name), "")
 
 
 def summary_of(docstring: str | None) -> str:
@@ -86,52 +99,15 @@ def summary_of(docstring: str | None) -> str:
     return inspect.cleandoc(docstring or "").strip().split("\n\n")[0].replace("\n", " ")
 
 
-_PACKAGE = Path(__file__).parents[1]
-_MAX_SOURCE = 1_000_000
-"""Largest size of a shipped plugin's source [byte]."""
-
-
-def shipped_outlines() -> list[dict[str, Any]]:
-    """Name, kind, source and summary of each shipped plugin, in the order of kinds; no error.
-
-    Raises:
-        SyntaxError: a source cannot be parsed.
-
-    """
-    return in_order([*_outlines_of_modules(), *_outlines_of_behaviors()])
-
-
-def in_order(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The ``rows`` of plugins in the order of kinds, and by name."""
-    order = list(BUILT_IN)
-    return sorted(rows, key=lambda row: (order.index(row["kind"]), row["name"]))
-
-
-def _outlines_of_modules() -> Iterator[dict[str, Any]]:
-    for kind, plugins in BUILT_IN.items():
-        for name, target in plugins.items():
-            module, _, class_name = target.partition(":")
-            file = _PACKAGE.joinpath(*module.split(".")[1:]).with_suffix(".py")
-            (cls,) = (cls for cls in _classes(file) if cls.name == class_name)
-            yield _outline(kind, name, "navfw", cls)
-
-
-def _outlines_of_behaviors() -> Iterator[dict[str, Any]]:
-    for file in plugin_files(shipped_folder() / "behaviors"):
-        for cls in _classes(file):
-            for node in cls.body:
-                match node:
-                    case ast.AnnAssign(target=ast.Name(id="name"), value=ast.Constant(str(name))):
-                        is_composite = ast.unparse(cls.bases[0]).endswith("Composite")
-                        kind = "composite" if is_composite else "behavior"
-                        yield _outline(kind, name, shown_path(file), cls)
-
-
-def _outline(kind: str, name: str, source: str, cls: ast.ClassDef) -> dict[str, Any]:
-    summary = summary_of(ast.get_docstring(cls))
-    return {"name": name, "kind": kind, "source": source, "summary": summary, "error": None}
-
-
 def _classes(file: Path) -> list[ast.ClassDef]:
-    tree = ast.parse(read_input(file, _MAX_SOURCE), str(file))
+    try:
+        tree = ast.parse(read_input(file, _MAX_SOURCE), str(file))
+    except (ConfigError, SyntaxError, ValueError):  # the import says what is wrong
+        return []
     return [node for node in tree.body if isinstance(node, ast.ClassDef)]
+
+
+def _names_in(node: ast.stmt) -> Iterator[str]:
+    match node:
+        case ast.AnnAssign(target=ast.Name(id="name"), value=ast.Constant(str(name))):
+            yield name

@@ -19,7 +19,7 @@ from navfw.config.input_file import real_path, shown_path
 from navfw.errors import PluginError, described, did_you_mean
 from navfw.interfaces import Plugin
 from navfw.plugins.verification import find_problems, kind_of, verify
-from navfw.process.interruption import interrupted
+from navfw.process.interruption import check_interrupted
 from navfw.process.watchdog import Watchdog
 
 IMPORT_LIMIT = 60.0
@@ -170,8 +170,7 @@ def _contained(file: Path | None, target: str | None = None) -> Iterator[None]:
         try:
             yield
         except BaseException as error:
-            if isinstance(error, KeyboardInterrupt) and interrupted():
-                raise  # by the user
+            check_interrupted(error)
             raise _import_error(error, file, target) from error
         finally:
             watchdog.end()

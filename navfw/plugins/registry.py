@@ -11,25 +11,30 @@ from typing import Any, cast
 
 from navfw.config.error_location import parameters_of
 from navfw.config.input_file import real_path, shown_path
-from navfw.config.installed_packages import source_of
-from navfw.config.lookup import plugin_files, plugin_folders
+from navfw.config.installed_packages import points_of, source_of
+from navfw.config.lookup import plugin_files, plugin_folders, shipped_folder
 from navfw.config.project_trust import require_trust
 from navfw.errors import InputError, PluginError, UnknownNameError
 from navfw.interfaces import KINDS, Plugin
 from navfw.plugins import plugin_import
-from navfw.plugins.built_in import BUILT_IN, GROUPS, installed_points, summary_of
+from navfw.plugins.built_in import BUILT_IN, GROUPS, outlined_summary, outlines, summary_of
 from navfw.plugins.simulator_access import access_notes
 from navfw.plugins.verification import kind_of, source_file, verify
 
 
 @dataclass
 class _RegistryEntry:
-    """One plugin: its class once loaded, or the error that makes it unusable."""
+    """One plugin: its class once loaded, or the error that makes it unusable.
+
+    Until then it is known by its ``target``, or by the ``file`` that defines it.
+    """
 
     kind: str
     name: str
     source: str
     target: str = ""
+    file: Path | None = None
+    summary: str = ""
     cls: type[Plugin] | None = None
     error: InputError | None = None
 
@@ -37,9 +42,9 @@ class _RegistryEntry:
 class Registry:
     """Plugins by kind and name.
 
-    A plugin is verified when it is registered. Entry points and built-in plugins are imported, and
-    verified, when they are first used or listed. A broken plugin is listed with its error and does
-    not affect the others.
+    A plugin is verified when it is registered. Entry points and shipped plugins are imported, and
+    verified, when they are first used, or listed with parameters. A broken plugin is listed with
+    its error and does not affect the others.
     """
 
     def __init__(self) -> None:
@@ -71,11 +76,11 @@ class Registry:
         check_kind(kind)
         self._add(_RegistryEntry(kind, name, source, target))
 
-    def discover_folder(self, folder: str | Path) -> None:
+    def discover_folder(self, folder: str | Path, *, lazily: bool = False) -> None:
         """Import every ``*.py`` in ``folder``, except ``_*.py``, and register its plugins.
 
         Broken plugins are recorded as such, as behaviours where the import fails before the kind is
-        known.
+        known. If ``lazily``, a file is imported on first use of a behaviour that its source names.
 
         Raises:
             PluginError: ``folder`` is not a readable folder.
@@ -91,11 +96,17 @@ class Registry:
         for file in files:
             if real_path(file) not in self._files:
                 self._files.add(real_path(file))
-                self._discover_file(file)
+                outlined = outlines(file) if lazily else []
+                for kind, name, summary in outlined:
+                    entry = _RegistryEntry(kind, name, shown_path(file), "", file, summary)
+                    self._attempt(entry, partial(self._add, entry))
+                if not outlined:
+                    self._discover_file(file)
 
     def discover_entry_points(self, points: Iterable[EntryPoint] | None = None) -> None:
         """Add the plugins of installed packages; they are imported on first use."""
-        for point in installed_points() if points is None else points:
+        installed = (point for group in GROUPS for point in points_of(group))
+        for point in installed if points is None else points:
             source, target = source_of(point), point.value.replace(" ", "")
             entry = _RegistryEntry(GROUPS[point.group], point.name, source, target)
             self._attempt(entry, partial(self._add, entry))
@@ -119,7 +130,7 @@ class Registry:
             raise PluginError(f"{unknown}; it may be in a file that fails: {error}")
         if hidden := self._hidden.get((kind, name)):
             raise hidden
-        self._load(entry)
+        entry = self._loaded(entry)
         if entry.cls is None:
             raise entry.error or PluginError("broken", key=name)
         return entry.cls
@@ -129,27 +140,24 @@ class Registry:
         check_kind(kind)
         return sorted(name for of, name in self._entries if of == kind)
 
-    def listing(
-        self, kind: str | None = None, outlines: Iterable[dict[str, Any]] = ()
-    ) -> list[dict[str, Any]]:
+    def listing(self, kind: str | None = None, *, parameters: bool = True) -> list[dict[str, Any]]:
         """Every plugin (of ``kind``) as plain data: description and parameters, or its error.
 
         Keys: name, kind, status (``ok`` or ``broken``), source, summary, parameters (each with
         name, type, default, required, bounds, description), notes (how its source uses the
         simulator, or could), error (None when ok). Imports them all, and checks the files that
-        they read when they are made, such as rule bases; but for those that ``outlines`` has rows
-        of, which are listed as they are.
+        they read when they are made, such as rule bases. Without ``parameters``, one that is not
+        imported yet is listed as its source says, if that is found: with name, kind, source,
+        summary and error alone.
         """
         if kind is not None:
             check_kind(kind)
-        outlined = {(row["kind"], row["name"], row["source"]): row for row in outlines}
         entries = [
             e for e in (*self._entries.values(), *self._duplicates) if kind in {None, e.kind}
         ]
         order = list(KINDS)
         entries.sort(key=lambda e: (order.index(e.kind), e.name))
-        rows = (outlined.get((entry.kind, entry.name, entry.source)) for entry in entries)
-        return [row or self._checked(entry) for row, entry in zip(rows, entries, strict=True)]
+        return [self._row(entry, parameters=parameters) for entry in entries]
 
     def _discover_file(self, file: Path) -> None:
         source, kind = shown_path(file), "behavior"
@@ -211,9 +219,17 @@ class Registry:
             self._duplicates.append(other)
         self._entries[entry.kind, entry.name] = entry
 
-    def _load(self, entry: _RegistryEntry) -> None:
-        if not entry.target or entry.cls is not None or entry.error is not None:
-            return
+    def _loaded(self, entry: _RegistryEntry) -> _RegistryEntry:
+        """``entry``, or the one that takes its place, with its class or an error."""
+        if entry.cls is not None or entry.error is not None:
+            return entry
+        if entry.file is not None:
+            if entry in self._entries.values():  # else another plugin of its file was needed before
+                of_file = [key for key, e in self._entries.items() if e.file == entry.file]
+                for key in of_file:
+                    del self._entries[key]
+                self._discover_file(entry.file)
+            return self._entries.get((entry.kind, entry.name), entry)
         try:
             cls = plugin_import.import_object(entry.target)
             verify(cls)
@@ -229,21 +245,24 @@ class Registry:
             entry.error = error
         else:
             entry.cls = cast(type[Plugin], cls)
+        return entry
 
-    def _checked(self, entry: _RegistryEntry) -> dict[str, Any]:
+    def _row(self, entry: _RegistryEntry, *, parameters: bool) -> dict[str, Any]:
         """The row of an entry; the files that the plugin reads when it is made are checked."""
-        self._load(entry)
-        if entry.cls is not None and entry.error is None:
+        about = {"name": entry.name, "kind": entry.kind, "source": entry.source}
+        if not (parameters or entry.cls or entry.error):
+            summary = entry.summary or outlined_summary(entry.target)
+            if summary:
+                return about | {"summary": summary, "error": None}
+        entry = self._loaded(entry)
+        cls = entry.cls
+        if cls is not None and entry.error is None:
             try:
-                entry.cls.check_files()
+                cls.check_files()
             except InputError as error:
                 entry.error = error
-        cls = entry.cls
-        return {
-            "name": entry.name,
-            "kind": entry.kind,
+        return about | {
             "status": "ok" if entry.error is None else "broken",
-            "source": entry.source,
             "summary": "" if cls is None else summary_of(cls.__doc__),
             "parameters": [p._asdict() for p in parameters_of(cls.Params)] if cls else [],
             "notes": access_notes(cls) if cls else [],
@@ -270,8 +289,9 @@ def default_registry(folders: Iterable[str | Path] = ()) -> Registry:
     for kind, plugins in BUILT_IN.items():
         for name, target in plugins.items():
             registry.register_lazily(kind, name, target, "navfw")
+    shipped = shipped_folder() / "behaviors"
     for folder in (*plugin_folders(), *folders):
-        registry.discover_folder(folder)
+        registry.discover_folder(folder, lazily=folder == shipped)
     registry.discover_entry_points()
     for cls in plugin_import.decorated_plugins():
         registry._register_class(cls, _source(cls), cls.__name__)

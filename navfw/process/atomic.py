@@ -222,24 +222,16 @@ def atomic_file(path: Path, *, parents: bool = False) -> Iterator[Path]:
 
 
 def write_text(
-    path: Path,
-    content: str | Iterable[Iterable[str]],
-    *,
-    parents: bool = False,
-    mode: int | None = None,
+    path: Path, content: str | Iterable[Iterable[str]], *, parents: bool = False
 ) -> None:
     """Replace the file at ``path`` by a text, or by rows of CSV (see ``atomic_file``).
 
     Pages and tables get ``printable`` text; of data every character stays.
-
-    ``mode``: its permissions, instead of the usual.
     """
     with (
         atomic_file(path, parents=parents) as unfinished,
         unfinished.open("x", encoding="utf-8", newline="") as stream,
     ):
-        if mode is not None:
-            unfinished.chmod(mode)
         if isinstance(content, str):
             stream.write(printable(content) if path.suffix in _SHOWN else content)
         else:

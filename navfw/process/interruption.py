@@ -48,21 +48,15 @@ class _SignalState:
 _state = _SignalState()
 
 
-def interrupted() -> bool:
-    """Whether the innermost ``interruptible`` context has been interrupted.
-
-    True outside of any: a KeyboardInterrupt is then taken for one that the user has sent.
-    """
-    return _state.interrupted
-
-
-def check_interrupted() -> None:
+def check_interrupted(error: BaseException | None = None) -> None:
     """Raise KeyboardInterrupt if a signal has arrived in the innermost ``interruptible`` context.
 
     Python drops what a handler raises in a finalizer or in a callback of compiled code, so a loop
-    that a signal is to end calls this.
+    that a signal is to end calls this. It is also called with an ``error`` of a plugin, for
+    compiled code may raise another error than the interruption. A KeyboardInterrupt outside of any
+    context is taken for one that the user has sent.
     """
-    if _state.raising and _state.interrupted:
+    if _state.interrupted and (_state.raising or isinstance(error, KeyboardInterrupt)):
         raise KeyboardInterrupt
 
 

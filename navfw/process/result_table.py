@@ -77,10 +77,6 @@ class ResultTable:
         parts = [rf"\begin{{tabular}}{{{columns}}}", r"\toprule", lines[0], r"\midrule", *lines[1:]]
         return "\n".join([*parts, r"\bottomrule", r"\end{tabular}", ""])
 
-    def section(self) -> str:
-        """The table in Markdown, below its title as a heading."""
-        return f"## {self.title}\n\n{self.markdown()}"
-
 
 def named(records: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
     """The ``records`` with their names as ``name``."""

@@ -199,8 +199,8 @@ def test_an_answer_that_needs_no_change_is_not_copied(kind: str) -> None:
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf, 1.1, -0.1, "a", 1j])
 def test_one_wrong_number_makes_a_mapping_invalid(wrong: Any) -> None:
     right = {"a": 0.1, "b": 0.2, "c": 0.3}
-    assert answers.numbers(MappingProxyType(right), "x", 0.0, 1.0) == right
+    assert answers.mapping_of(MappingProxyType(right), "x", answers.degree) == right
     for name in right:
         for kind in (dict, MappingProxyType):
             with pytest.raises(AnswerError, match="x"):
-                answers.numbers(kind({**right, name: wrong}), "x", 0.0, 1.0)
+                answers.mapping_of(kind({**right, name: wrong}), "x", answers.degree)

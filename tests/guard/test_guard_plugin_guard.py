@@ -12,17 +12,14 @@ from typing import Any, NoReturn
 
 import numba
 import pytest
-from stack_samples import ROBOT, Idle
 
-from navfw.errors import InputError, PluginError
-from navfw.guard import PluginCallError, PluginGuard, construct, number
+from navfw.errors import InputError
+from navfw.guard import PluginCallError, PluginGuard, number
 from navfw.guard.answers import nothing
 from navfw.guard.plugin_guard import MAX_SUSPENSION, SUSPENSION
-from navfw.interfaces import Plugin
 from navfw.process import PluginTimeout
 from navfw.process.interruption import interruptible
 from navfw.process.watchdog import PERIOD, Watchdog
-from navfw.robot import RobotModel
 
 
 class OwnBaseError(BaseException):
@@ -179,22 +176,6 @@ def test_a_call_that_hangs_is_ended_and_the_next_one_gets_its_own_time() -> None
         with pytest.raises(PluginCallError, match=r"within 0.3 s"):
             guard.call("fusion quick", time.sleep, 30.0, check=nothing)
     assert time.monotonic() - began < 5.0
-
-
-class Unsound(Idle):
-    """Ends the program when constructed."""
-
-    name = "unsound"
-
-    def __init__(self, robot: RobotModel, params: Plugin.Params | None = None) -> None:
-        super().__init__(robot, params)
-        sys.exit(0)
-
-
-def test_a_constructor_that_fails_is_an_input_error() -> None:
-    assert isinstance(construct(Idle, ROBOT, Idle.Params()), Idle)
-    with pytest.raises(PluginError, match=r"behavior unsound: SystemExit: 0 .*in __init__"):
-        construct(Unsound, ROBOT, Unsound.Params())
 
 
 # --- the watchdog: calls that hang are ended, and the process's own timer is kept -----------------

@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from navfw.process.interruption import check_interrupted, deferred, interrupted, interruptible
+from navfw.process.interruption import check_interrupted, deferred, interruptible
 
 
 @pytest.fixture(autouse=True)
@@ -19,6 +19,15 @@ def _usual_handlers() -> Iterator[None]:
     yield
     for number, handler in before.items():
         signal.signal(number, handler)
+
+
+def interrupted() -> bool:
+    """Whether a KeyboardInterrupt is taken for one that the user has sent."""
+    try:
+        check_interrupted(KeyboardInterrupt())
+    except KeyboardInterrupt:
+        return True
+    return False
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -11,7 +11,6 @@ from plugin_rows import broken_rows
 from plugins_samples import GOOD, Mine, discovered, put, statuses
 from processes import printed
 
-from navfw.cli.listings import overview
 from navfw.errors import PluginError, UnknownNameError
 from navfw.features.recognizers import NoFeatures
 from navfw.interfaces import KINDS, Behavior, Plugin
@@ -188,10 +187,10 @@ def test_installed_entry_points_are_discovered(monkeypatch: pytest.MonkeyPatch) 
         registry.get("behavior", "hover")
 
 
-def test_all_shipped_plugins_work_and_the_overview_reads_the_same_of_their_source() -> None:
+def test_all_shipped_plugins_work_and_the_listing_reads_the_same_of_their_source() -> None:
     assert list(BUILT_IN) == list(KINDS)
     registry = default_registry()
-    rows = overview()
+    rows = registry.listing(parameters=False)
     assert rows == [{name: row[name] for name in rows[0]} for row in registry.listing()]
     assert set(BUILT_IN["flow"]) < set(registry.names("flow"))
     ours = ("navfw", "behaviors")
@@ -231,17 +230,18 @@ def test_extra_folders_and_those_of_a_project_are_verified(
     assert [row["name"] for row in broken_rows(registry)] == ["avoid"]
     (folder.parent / "navfw.toml").touch()
     monkeypatch.chdir(folder.parent)
-    rows = overview()
+    rows = default_registry().listing(parameters=False)
     assert [row["name"] for row in rows if "parameters" in row] == ["avoid", "one"]
     (broken,) = (row for row in rows if row["error"])
     assert (broken["source"], "already taken" in broken["error"]) == ("behaviors/avoid.py", True)
 
 
-def test_the_overview_verifies_all_where_a_shipped_file_cannot_be_parsed(
+def test_a_shipped_file_that_cannot_be_parsed_is_listed_with_its_error(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     put(folder, "bad", "def f(:\n")
-    monkeypatch.setattr("navfw.plugins.built_in.shipped_folder", lambda: folder.parent)
-    monkeypatch.setattr("navfw.config.lookup.shipped_folder", lambda: folder.parent)
-    (broken,) = (row for row in overview() if row["error"])
+    for module in ("navfw.plugins.registry", "navfw.config.lookup"):
+        monkeypatch.setattr(f"{module}.shipped_folder", lambda: folder.parent)
+    rows = default_registry().listing(parameters=False)
+    (broken,) = (row for row in rows if row["error"])
     assert (broken["name"], "SyntaxError" in broken["error"]) == ("bad", True)
