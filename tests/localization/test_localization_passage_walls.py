@@ -14,7 +14,7 @@ from navfw.localization.landmark_model import LandmarkExistence
 from navfw.localization.metric_filter import MetricFilter, MetricFilterParams
 from navfw.localization.passage_walls import PassageAxis, corridor_fix, door_fix, passage_axes
 from navfw.localization.plan_field import PlanScan
-from navfw.localization.topological import PassageObserver
+from navfw.localization.topological import PassageObserver, _is_ahead
 from navfw.numerics import Array
 from navfw.robot import RobotModel
 from navfw.signals import Pose
@@ -148,6 +148,24 @@ def test_doors_may_look_narrower_but_no_other_gap_is_one(width: float, shift: fl
     robot = on_axis(DOOR, -1.4, 0.0, 0.0)
     fix = door_fix(DOOR, robot, seen(DOOR, robot, wall_with_a_gap(width), noise=0.005))
     assert (fix and fix.shift) == pytest.approx(shift, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "yaw", "is_ahead"),
+    [
+        (-1.0, 0.0, 0.0, True),
+        (-1.0, 0.4, 0.5, True),
+        (1.0, 0.0, 3.1, True),
+        (1.0, 0.0, 0.0, False),
+        (-1.0, 0.0, 3.1, False),
+        (-0.3, 0.0, 0.0, False),
+        (-2.1, 0.0, 0.0, False),
+        (-1.0, 0.5, 0.0, False),
+        (-1.0, 0.0, 0.7, False),
+    ],
+)
+def test_a_door_is_ahead_from_either_side(x: float, y: float, yaw: float, is_ahead: bool) -> None:
+    assert _is_ahead(DOOR, on_axis(DOOR, x, y, yaw)) == is_ahead
 
 
 @pytest.mark.parametrize(("moved", "taken"), [(0.0, True), (1.2, False)])
