@@ -28,7 +28,7 @@ _NEAR = 0.52
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """A hint for an error message: the nearest known name, or all known names if none is near."""
+    """Return a hint for an error message: the nearest known name or, if none is near, all names."""
     names = sorted(set(known))
     near = difflib.get_close_matches(name, names, n=1, cutoff=_NEAR)
     if near:
@@ -39,7 +39,7 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 
 def described(error: BaseException) -> tuple[str, str]:
-    """The name of the class of ``error``, and its message on one line."""
+    """Return the name of the class of ``error``, and its message on one line."""
     try:
         message = " ".join(str(error).split())
     except Exception as second:
@@ -72,7 +72,7 @@ class InputError(NavfwError):
     def located(
         self, *, file: str | Path | None = None, line: int | None = None, key: str | None = None
     ) -> Self:
-        """A copy of this error with a place of its cause, before the place that it has, if any."""
+        """Return a copy of this error whose message begins with the given place, then its own."""
         located = type(self).__new__(type(self), str(self))
         located.__dict__.update(self.__dict__)
         located._place(file, line, key)
@@ -93,10 +93,10 @@ MAX_SEED = 2**63 - 1
 
 
 def checked_seed(seed: object) -> int:
-    """``seed`` as an int.
+    """Check that ``seed`` is a whole number from 0 to ``MAX_SEED``, and return it as an int.
 
     Raises:
-        InputError: it is no whole number from 0 to ``MAX_SEED``; None would be another each time.
+        InputError: it is not; None is refused, too, as it would give other numbers each time.
 
     """
     number = seed if not isinstance(seed, bool) and hasattr(seed, "__index__") else -1
@@ -181,7 +181,7 @@ def locating(
     key: str | None = None,
     only: type[InputError] = InputError,
 ) -> Iterator[None]:
-    """Give errors in the block a place before their own; ``only`` to errors of that class."""
+    """Put a place before that of each error raised in the block, if it is of the class ``only``."""
     try:
         yield
     except only as error:

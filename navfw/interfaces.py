@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 
 class Params(StrictModel):
-    """The base of every plugin's parameters: unknown keys are errors, values are frozen.
+    """Base class of every plugin's parameters: unknown keys are errors, values are frozen.
 
     One declaration gives validation, listings (``navfw list plugins``), YAML and ``--set``
     overrides; give each field a ``Field(description=...)`` with its unit, and bounds.
@@ -49,10 +49,10 @@ class Params(StrictModel):
 
 
 class Plugin(ABC):
-    """The base of all kinds.
+    """Base class of all kinds of plugin.
 
-    ``name`` is its name in files; ``Params`` declares its parameters. ``oracle`` marks a plugin
-    that needs the simulator's truth: a stack file that names it must set ``oracle: true``.
+    ``name`` is the plugin's name in files; ``Params`` declares its parameters. ``oracle`` marks a
+    plugin that needs the simulator's truth: a stack file that names it must set ``oracle: true``.
     """
 
     kind: ClassVar[str]
@@ -73,7 +73,7 @@ class Plugin(ABC):
         """Raise InputError if a file that the plugin reads when it is made is missing or wrong."""
 
     def reset(self) -> None:  # noqa: B027 - a plugin without state need not override it
-        """Back to the start of a run; called once before each run."""
+        """Return to the state at the start of a run; called once before each run."""
 
 
 class FlowProcessor(Plugin):
@@ -83,10 +83,10 @@ class FlowProcessor(Plugin):
 
     @abstractmethod
     def compute(self, pair: FramePair) -> FlowField:
-        """Flow of ``pair.now`` against ``pair.past``, not derotated, on the plugin's grid.
+        """Measure the flow from ``pair.past`` to ``pair.now``, not derotated, on the plugin's grid.
 
-        ``pair.motion.rotation`` may serve to predict the search range; the result contains the
-        rotational flow all the same.
+        ``pair.motion.rotation`` may serve to predict where to search; the rotational flow must
+        remain in the result.
         """
 
 
@@ -97,25 +97,25 @@ class Perception(Plugin):
 
     @abstractmethod
     def perceive(self, flow: FlowField, twist: Twist) -> Percept:
-        """Interpret ``flow`` (derotated); ``twist`` is the measured egomotion at its time."""
+        """Interpret the derotated ``flow``; ``twist`` is the robot's measured twist at its time."""
 
 
 class FeatureRecognizer(Plugin):
     """Feature Recognition Processor (paper sec 2): landmarks from single images.
 
-    With ``landmark_frames`` it gets the larger frames at a lower rate
-    (``RobotModel.landmark_view``) and no others; they are taken only if a plugin asks for them.
+    With ``landmark_frames`` it gets only the larger frames of lower rate
+    (``RobotModel.landmark_view``), which are taken only if a plugin asks for them.
     """
 
     kind = "features"
     landmark_frames: ClassVar[bool] = False
 
     def set_map(self, topo_map: TopoMap) -> None:
-        """Set the map whose landmarks are to be recognised; called before each run."""
+        """Set the map with the landmarks to be recognised; called before each run."""
 
     @abstractmethod
     def recognize(self, frame: Frame) -> Sequence[LandmarkDetection]:
-        """All landmarks detected in ``frame``, in the map or not."""
+        """Detect all landmarks in ``frame``, those that are not in the map included."""
 
 
 class Localizer(Plugin):
@@ -125,13 +125,13 @@ class Localizer(Plugin):
 
     @abstractmethod
     def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
-        """Start at ``pose`` (map frame), or anywhere when None; ``odometry`` is the present one."""
+        """Start at ``pose`` (map frame), unknown if None, with the present ``odometry``."""
 
     @abstractmethod
     def update(
         self, odometry: Odometry, percept: Percept | None, detections: Sequence[LandmarkDetection]
     ) -> Belief:
-        """The belief after the newest odometry and, where there are any, percept and detections."""
+        """Update the belief with the newest odometry, a percept if there is one, and detections."""
 
 
 class Planner(Plugin):
@@ -141,37 +141,37 @@ class Planner(Plugin):
 
     @abstractmethod
     def start(self, topo_map: TopoMap, goals: Sequence[Waypoint]) -> None:
-        """Start a mission: visit ``goals`` in order. Plans at the first ``update``."""
+        """Start a mission to visit ``goals`` in order; the first ``update`` plans the route."""
 
     @abstractmethod
     def update(self, belief: Belief) -> Waypoint | None:
-        """The waypoint to drive to now, or None when the last goal has been reached."""
+        """Return the waypoint to drive to now, or None once the last goal has been reached."""
 
     @property
     @abstractmethod
     def path(self) -> Sequence[Waypoint]:
-        """The waypoints still ahead, nearest first (for displays and records)."""
+        """Waypoints still ahead, nearest first (for displays and records)."""
 
     # For planners that replan on passage reports; others need not override these.
 
     @property
     def queries(self) -> Sequence[PassageQuery]:
-        """The legs ahead, in order, whose passage status ``observe`` is to report."""
+        """Legs ahead, in order, whose passage status ``observe`` is to get."""
         return ()
 
     def observe(self, report: PassageReport) -> None:
-        """Take in the status of the ``queries``; called before ``update``."""
+        """Process the reported status of the ``queries``; called before ``update``."""
 
     @property
     def no_route_reason(self) -> str | None:
-        """Why no route leads to the goal at present; None while there is one."""
+        """Reason why no route leads to the goal at present; None while there is a route."""
         return None
 
 
 class Behavior(Plugin):
     """A primitive behaviour of MOFIS (paper Fig. 1): from the context, a proposal.
 
-    With ``handles_moving_obstacles`` it rates commands by their conflicts with moving obstacles
+    Set ``handles_moving_obstacles`` if it rates commands by their conflicts with moving obstacles
     (``context.conflicts``). While such a behaviour proposes, ``context.arcs`` and
     ``context.ranges`` cover static obstacles only; without one, moving obstacles count as occupied.
     """
@@ -181,7 +181,7 @@ class Behavior(Plugin):
 
     @abstractmethod
     def propose(self, context: Context) -> Proposal:
-        """Applicability now, and desirability and prohibition of every command."""
+        """Return the applicability now, and the desirability and prohibition of every command."""
 
 
 class Composite(Plugin):
@@ -191,13 +191,13 @@ class Composite(Plugin):
 
     @abstractmethod
     def weigh(self, context: Context) -> Mapping[str, float]:
-        """The degree in [0, 1] to which each primitive is applicable; 1 for those not named.
+        """Return the degree in [0, 1] to which each primitive is applicable; 1 for those not named.
 
-        It multiplies the applicability of the primitive's own proposal.
+        The applicability of the primitive's own proposal is multiplied by it.
         """
 
     def explain(self) -> Sequence[Mapping[str, Any]]:
-        """The rules that fired for the last ``weigh``, strongest first; none unless overridden."""
+        """Return the rules that fired in the last ``weigh``, strongest first; none by default."""
         return ()
 
 
@@ -208,11 +208,11 @@ class Fusion(Plugin):
     needs_proposals: ClassVar[bool] = True
     """If False, no behaviour is asked, and contexts have no local goal."""
     needs_room: ClassVar[bool] = True
-    """If False, the arcs and ranges of contexts are those of a map that offers no room: 0."""
+    """If False, arcs and ranges are not computed: in contexts all their distances are 0."""
 
     @abstractmethod
     def fuse(self, context: Context, proposals: Mapping[str, Proposal]) -> Command:
-        """The fused command from the proposals, by behaviour name."""
+        """Combine ``proposals``, by behaviour name, into one command."""
 
 
 class Controller(Plugin):
@@ -222,7 +222,7 @@ class Controller(Plugin):
 
     @abstractmethod
     def control(self, command: Command | None, odometry: Odometry, dt: float) -> Twist:
-        """The twist to drive for the next ``dt`` [s]; ``command`` None means: stand still."""
+        """Return the twist to drive for the next ``dt`` [s]; without ``command``, one to stop."""
 
 
 class LandmarkKind(Plugin):
@@ -237,12 +237,12 @@ class LandmarkKind(Plugin):
     default_size: ClassVar[float] = 0.5
 
     def plate_side(self, size: float) -> float:
-        """Side [m] of the plate on which a landmark of that ``size`` [m] is shown."""
+        """Return the side [m] of the plate on which a landmark of that ``size`` [m] is shown."""
         return size
 
     @abstractmethod
     def plate_image(self, number: int) -> Image:
-        """The plate of id ``number``, seen frontally: (N, N) uint8 luminance."""
+        """Draw the plate of id ``number``, seen frontally: (N, N) uint8 luminance."""
 
 
 class MissionEvent(Plugin):
@@ -256,9 +256,9 @@ class MissionEvent(Plugin):
 
     @abstractmethod
     def actions(self, world: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
-        """The actions that begin together, as in mission files: ``{"light": {"share": 0.2}}``.
+        """Return actions that begin together, as in mission files: ``{"light": {"share": 0.2}}``.
 
-        ``world`` is the contents of the world file.
+        ``world`` is the content of the world file.
         """
 
 
@@ -269,7 +269,7 @@ class WorldFamily(Plugin):
 
     @abstractmethod
     def build(self, rng: np.random.Generator, difficulty: float) -> object:
-        """A ``navfw.worldgen.world_draft.WorldDraft`` from ``rng``; ``difficulty`` is in [0, 1].
+        """Draw a ``navfw.worldgen.world_draft.WorldDraft``; ``difficulty`` is in [0, 1].
 
         Raises:
             navfw.worldgen.world_draft.Unsuitable: the draw is not usable; another one is tried.

@@ -10,9 +10,9 @@ from navfw.signals import Frame
 
 
 def reduce_frame(frame: Frame, factor: int) -> Frame:
-    """``frame`` with the mean grey value of ``factor`` x ``factor`` pixels in place of each pixel.
+    """Reduce the images of ``frame``, each to its size divided by ``factor``, by area averages.
 
-    A factor of 1 gives ``frame`` itself. The flow's windows and search ranges are in pixels.
+    Sizes are rounded; a factor of 1 returns ``frame`` itself.
     """
     if factor == 1:
         return frame

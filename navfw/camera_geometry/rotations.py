@@ -21,7 +21,7 @@ _SMALL = 1e-12  # derived
 
 @numba.njit(cache=True, error_model="numpy")
 def rotation_matrix(vector: Array) -> Array:
-    """Rotation (3, 3) about ``vector`` (3,) by its length [rad] (Rodrigues' formula)."""
+    """Convert a rotation vector (3,), axis times angle [rad], into a matrix (3, 3) (Rodrigues)."""
     x, y, z = vector[0], vector[1], vector[2]
     angle = math.sqrt(x * x + y * y + z * z)
     a, b = 1.0, 0.0
@@ -42,7 +42,7 @@ def rotation_matrix(vector: Array) -> Array:
 
 @numba.njit(cache=True, error_model="numpy")
 def rotation_vector(r: Array) -> Array:
-    """Rotation vector (3,) [rad] of ``r`` (3, 3), of an angle below pi."""
+    """Convert a rotation matrix ``r`` (3, 3) into its vector (3,) [rad]; the angle is below pi."""
     x, y, z = 0.5 * (r[2, 1] - r[1, 2]), 0.5 * (r[0, 2] - r[2, 0]), 0.5 * (r[1, 0] - r[0, 1])
     sine = math.sqrt(x * x + y * y + z * z)
     cosine = 0.5 * (r[0, 0] + r[1, 1] + r[2, 2] - 1.0)
@@ -58,9 +58,9 @@ _BEHIND = 1e-9  # derived
 
 @numba.njit(cache=True, error_model="numpy")
 def turn_point(x: float, y: float, r: Array, focal: float) -> tuple[float, float]:
-    """The image point (x, y) [px] after its ray is rotated by ``r`` (3, 3).
+    """Rotate the ray of the image point (x, y) [px] by ``r`` (3, 3) and return its new point [px].
 
-    NaN where the rotated ray points behind the camera.
+    NaN where the rotated ray points behind the camera. ``focal`` [px] is the focal length.
     """
     depth = (r[2, 0] * x + r[2, 1] * y) / focal + r[2, 2]
     if not depth > _BEHIND:
@@ -71,7 +71,7 @@ def turn_point(x: float, y: float, r: Array, focal: float) -> tuple[float, float
 
 @numba.njit(cache=True, error_model="numpy")
 def turn_points(points: Array, r: Array, focal: float) -> Array:
-    """``turn_point`` of each of ``points`` (n, 2) [px]."""
+    """Apply ``turn_point`` to each of ``points`` (n, 2) [px]."""
     out = np.empty_like(points)
     for i in range(points.shape[0]):
         out[i, 0], out[i, 1] = turn_point(points[i, 0], points[i, 1], r, focal)
@@ -80,7 +80,7 @@ def turn_points(points: Array, r: Array, focal: float) -> Array:
 
 @numba.njit(cache=True, error_model="numpy")
 def undo_turn(points: Array, vectors: Array, r: Array, focal: float) -> Array:
-    """Flow ``vectors`` (n, 2) [px] at ``points`` without the part due to the rotation ``r``."""
+    """Remove from flow ``vectors`` (n, 2) [px] at ``points`` the part due to the rotation ``r``."""
     out = turn_points(points - vectors, r, focal)
     for i in range(points.shape[0]):
         out[i, 0] = points[i, 0] - out[i, 0]
@@ -90,21 +90,21 @@ def undo_turn(points: Array, vectors: Array, r: Array, focal: float) -> Array:
 
 @numba.njit(cache=True, error_model="numpy")
 def turning_slope(x: float, y: float, axis: Array, focal: float) -> tuple[float, float]:
-    """Motion [px/rad] of the image point (x, y) while its ray turns about ``axis`` (3,)."""
+    """Compute the velocity [px/rad] of image point (x, y) [px] turning about ``axis`` (3,)."""
     wx, wy, wz = axis[0], axis[1], axis[2]
     u = -wx * x * y / focal + wy * (focal + x * x / focal) - wz * y
     return u, -wx * (focal + y * y / focal) + wy * x * y / focal + wz * x
 
 
 def rotate_points(points: Array, rotation: Array, focal: float) -> Array:
-    """``turn_point`` of each of ``points`` (..., 2) [px] for arrays of any layout."""
+    """Apply ``turn_point`` to each of ``points`` (..., 2) [px], arrays of any memory layout."""
     flat = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 2)
     turned: Array = turn_points(flat, np.ascontiguousarray(rotation, dtype=np.float64), focal)
     return turned.reshape(points.shape)
 
 
 def derotate(flow: FlowField, camera: CameraModel) -> FlowField:
-    """``flow`` of a camera with the same translation but without rotation.
+    """Remove the rotational part of ``flow``, as if the camera had only been translated.
 
     The past end of each vector is rotated into the current camera's axes; the result obeys the
     equations of pure translation exactly, for rotations of any size. A field that is already
@@ -117,7 +117,7 @@ def derotate(flow: FlowField, camera: CameraModel) -> FlowField:
 
 
 def derotated_vectors(flow: FlowField, rotation: Array, camera: CameraModel) -> Array:
-    """The vectors (rows, cols, 2) [px] of ``derotate`` for a given ``rotation``."""
+    """Return the vectors (rows, cols, 2) [px] of ``flow`` without the part due to ``rotation``."""
     if flow.derotated:
         return flow.vectors
     vectors: Array = undo_turn(

@@ -1,4 +1,4 @@
-"""Motion of the robot and its camera from wheel encoders and gyro only (paper sec 2, AUX)."""
+"""Motion of the robot and its camera from encoders, gyro, and the images (paper sec 2, AUX)."""
 
 import lazy_loader
 

@@ -47,7 +47,7 @@ def epipolar_residual(
     axes: Array,
     row: Array,
 ) -> float:
-    """Distance [px] of a derotated flow ``vector`` at ``point`` from its epipolar line.
+    """Compute the distance [px] of a derotated flow ``vector`` at ``point`` from its epipolar line.
 
     Args:
         point: x, y [px] in the current image.
@@ -125,7 +125,7 @@ def fit_reweighted(
     prior: Array,
     iterations: int,
 ) -> tuple[Array, Array]:
-    """Parameters that bring ``offsets + slopes @ parameters`` to zero, by Cauchy weights.
+    """Fit parameters that bring ``offsets + slopes @ parameters`` to zero, by Cauchy weights.
 
     Args:
         offsets: (n,) residuals without correction [px]; NaN leaves a residual out.
@@ -173,7 +173,7 @@ def fit_rotation(
     prior: Array,
     iterations: int,
 ) -> Array:
-    """The rotation (3, 3) that explains the vectors best if the camera does nothing but turn.
+    """Fit the rotation (3, 3), past to current axes, of a camera that only turns, to the vectors.
 
     Args:
         points: (n, 2) image points [px].
@@ -266,7 +266,7 @@ def rate_directions(
     directions: Array,
     prior: Array,
 ) -> tuple[Array, Array]:
-    """Cost of each direction of translation, with the best rotation for it.
+    """Rate each direction of translation by its cost with the best rotation for it.
 
     Args as those of ``fit_rotation``, and:
         past: (n, 2) where the points were, the known part of the rotation removed [px].
@@ -274,7 +274,7 @@ def rate_directions(
         prior: (3, 3) information of the prior on the rotation vector, of mean 0 [1/rad^2].
 
     Returns:
-        cost (m,): half the sum of squares, bounded for each vector, with _COARSE [px] added to
+        cost (m,): half the sum of squares, bounded for each vector, with 0.5 px added to
         sigma in quadrature; rotation (m, 3) [rad], the small rotation vector of each.
 
     """
@@ -314,7 +314,7 @@ def fit_motion(
     heading: tuple[Array, Array],
     iterations: int,
 ) -> tuple[Array, Array, Array, Array]:
-    """Rotation and direction of translation that minimise the epipolar residuals.
+    """Fit rotation and direction of translation that minimise the epipolar residuals.
 
     Gauss-Newton with Cauchy weights over five parameters: a small rotation about the current
     camera's axes, and two angles of the direction.
@@ -378,7 +378,7 @@ def fit_motion(
 
 @numba.njit(cache=True)
 def tangents(direction: Array) -> Array:
-    """Two orthonormal vectors (2, 3) perpendicular to the unit vector ``direction`` (3,).
+    """Return two orthonormal vectors (2, 3) perpendicular to the unit vector ``direction`` (3,).
 
     The first lies in the camera's horizontal plane: it is a change of bearing.
     """

@@ -143,14 +143,14 @@ def register_floor(
     start: Array,
     prior: Array,
 ) -> tuple[Array, Array, float, float, float]:
-    """The motion over the floor that explains the present image by the past one.
+    """Fit the motion over the floor that explains the present image by the past one.
 
     Args:
         past: (rows, columns) the part of the past image that may show floor [grey levels],
             smoothed.
         values: (n,) grey levels of the present image, smoothed, at n of its pixels.
         ground: (n, 2) x, y [m, base_link] of the floor that these pixels show.
-        farness: (n,) logarithm of its distance from the camera over that of the nearest of it.
+        farness: (n,) logarithm of the floor's distance from the camera over the least distance.
         camera: focal length [px], position ahead of base_link and height above the floor [m],
             principal point in ``past`` (column, row).
         base_from_camera: (3, 3) rotation of the camera's axes into base_link's.
@@ -158,9 +158,10 @@ def register_floor(
         prior: (UNKNOWNS, UNKNOWNS) information of the prior.
 
     Returns:
-        parameters (UNKNOWNS,), the information (UNKNOWNS + 1, UNKNOWNS + 1) of the images alone on
-        them and on the slant, the images' pull on the slant, the share of the visible pixels that
-        agree, and the share of the variance of their grey levels that the motion explains.
+        parameters (UNKNOWNS,); the images' information on them and on the slant, (UNKNOWNS + 1,
+        UNKNOWNS + 1), and pull on the slant; the share of the visible pixels that agree; the share
+        of the variance of their grey levels that the motion explains. The last three are 0 if the
+        past image shows less than a quarter of the pixels.
 
     """
     n = values.size

@@ -85,7 +85,7 @@ class _KeyFrame:
 
 
 class FloorOdometry:
-    """Corrects the poses of an odometer; call ``observe`` with each camera frame."""
+    """Corrects an odometer by the floor's motion; call ``observe`` with each camera frame."""
 
     def __init__(self, robot: RobotModel) -> None:
         self._registration = FloorRegistration(robot)
@@ -98,7 +98,7 @@ class FloorOdometry:
         self.reset()
 
     def reset(self) -> None:
-        """Back to the state before the first odometry."""
+        """Return to the state before the first odometry."""
         self._key: _KeyFrame | None = None
         self._raw: Odometry | None = None
         self._shift = Pose(0.0, 0.0, 0.0)
@@ -118,17 +118,17 @@ class FloorOdometry:
 
     @property
     def doubt(self) -> str:
-        """Why the floor's motion is not believed at present; an empty text if it is."""
+        """Reason why the floor's motion is not believed at present; empty if it is."""
         share = f"{self._contradicted:.0%} of its motions contradict wheels and gyro"
         return f"the floor in the images is not believed: {share}" if self._doubting else ""
 
     @property
     def calibration(self) -> tuple[float, float]:
-        """The share k of the wheels' distance that is not covered, and the gyro's bias [rad/s]."""
+        """Share k of the wheels' distance that the robot does not cover, and gyro bias [rad/s]."""
         return float(self._state[3]), float(self._state[4])
 
     def corrected(self, raw: Odometry) -> Odometry:
-        """``raw`` odometry, with pose, twist and bias corrected by all frames so far."""
+        """Return ``raw`` odometry with pose, twist and bias corrected by all frames so far."""
         if self._raw is None:
             return raw
         share, bias = self.calibration
@@ -144,7 +144,7 @@ class FloorOdometry:
         )
 
     def observe(self, frame: Frame, raw: Odometry) -> None:
-        """Correct by a camera frame; ``raw`` is the odometer's answer at the frame's time."""
+        """Correct by a camera frame; ``raw`` is the odometer's result at the frame's time."""
         image = self._registration.prepare(frame.image, raw.pitch, raw.rocking)
         if self._raw is None or self._key is None:
             self._state[4] = raw.yaw_bias
@@ -168,7 +168,7 @@ class FloorOdometry:
             self._covariance[:, :3] = 0.0
 
     def correct(self, correction: YawCorrection) -> None:
-        """Correct the gyro's bias by the yaw that the whole flow field found beside the odometry.
+        """Correct the gyro's bias by the yaw error that the whole flow field found.
 
         Pairs of frames overlap; only those are used that share no time with the last one used.
         """
@@ -266,7 +266,7 @@ class FloorOdometry:
         return self._registration.register(past, now, guess, covariance)
 
     def _distance(self, step: FloorStep) -> float:
-        """Squared Mahalanobis distance of ``found`` from the state."""
+        """Squared Mahalanobis distance of ``step`` from the state."""
         off = self._offset(step)
         return float(product(off, solve(self._covariance[:3, :3] + step.covariance, off)))
 

@@ -70,7 +70,7 @@ _MIN_SIGMA = np.array([1e-4, 1e-4, 5e-4])  # chosen
 
 @dataclass(frozen=True, slots=True)
 class FloorImage:
-    """The part of an image below the horizon, made ready for registration.
+    """The part of an image below the horizon, prepared for registration.
 
     ``grey`` (rows, width) are its grey levels, smoothed; ``values`` (n,) those of the pixels used.
     ``pitch`` and ``rocking`` [rad] are those of a body that rocks; its image has been levelled.
@@ -87,7 +87,7 @@ class FloorStep:
     """The robot's motion over the floor: ``pose`` in its past base_link, ``covariance`` (3, 3).
 
     ``share`` in [0, 1] is the share of the pixels that agree, ``explained`` that of the variance of
-    the grey levels that this motion explains. ``rocking`` says whether the body rocks, so that an
+    the grey levels that this motion explains. ``rocking`` is true if the body rocks, so that an
     error of the scale is common to many steps.
     """
 
@@ -130,7 +130,7 @@ class FloorRegistration:
         self._known = np.diag([0.0, 0.0, 0.0, _GAIN**-2, _OFFSET**-2, _SLANT_SIGMA**-2])
 
     def prepare(self, image: Image, pitch: float = 0.0, rocking: float = 0.0) -> FloorImage:
-        """``image`` (height, width) made ready; the rest as in ``FloorImage``."""
+        """Smooth ``image`` (height, width) for ``register``; the rest as in ``FloorImage``."""
         blurred = cv2.GaussianBlur(image[self._top :].astype(np.float32), (0, 0), _SMOOTHING)
         grey = np.asarray(blurred, dtype=np.float32)
         return FloorImage(grey, grey[self._at].astype(np.float64), pitch, rocking)
@@ -148,10 +148,10 @@ class FloorRegistration:
     def register(
         self, past: FloorImage, now: FloorImage, guess: Pose, covariance: Array
     ) -> FloorStep | None:
-        """The motion from ``past`` to ``now``; None if they do not show a level floor's motion.
+        """Measure the motion from ``past`` to ``now``; None if they show no level floor's motion.
 
-        ``guess`` with ``covariance`` (3, 3) is what is known of it beforehand. It guides the fit,
-        which separates the floor from other things by it, but is no part of the answer.
+        ``guess`` with ``covariance`` (3, 3) is the motion expected. It guides the fit, which
+        separates the floor from other things by it, but the answer does not contain it.
         """
         if len(self._ground) < _MIN_PIXELS:
             return None

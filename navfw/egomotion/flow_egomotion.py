@@ -71,7 +71,7 @@ _SIGN_SHARE = 0.6  # chosen
 
 
 class MotionKind(StrEnum):
-    """What the camera does between two images."""
+    """Kind of the camera's motion between two images."""
 
     FORWARD = "forward"
     BACKWARD = "backward"
@@ -83,7 +83,7 @@ class MotionKind(StrEnum):
 
 @dataclass(frozen=True)
 class EgomotionPrior:
-    """What is known of the motion before the flow is looked at, in current camera axes.
+    """Prior knowledge of the motion, without the flow, in current camera axes.
 
     ``rotation`` (3, 3), past to current axes, with ``rotation_covariance`` (3, 3) [rad^2] of a
     small rotation about the camera's axes; ``direction`` (3,) of the translation with
@@ -97,13 +97,13 @@ class EgomotionPrior:
 
     @property
     def information(self) -> Array:
-        """Inverse (3, 3) of ``rotation_covariance`` [1/rad^2]."""
+        """Inverse (3, 3) [1/rad^2] of ``rotation_covariance``."""
         return np.asarray(inverse(self.rotation_covariance), dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True)
 class PointMotion:
-    """Image points and where they were: flat float64 arrays.
+    """Points in two images: flat float64 arrays.
 
     ``points`` (n, 2) [px from the principal point] in the current image, ``past`` (n, 2) the same
     points in the past image, ``sigma`` (n,) [px] one standard deviation of their difference, and
@@ -117,18 +117,18 @@ class PointMotion:
 
     @property
     def used(self) -> npt.NDArray[np.bool_]:
-        """Which points have weight (n,)."""
+        """Mask (n,) of the points with a weight above 0."""
         return np.asarray(self.weight > 0.0)
 
     def median(self, residual: Array) -> float:
-        """Median of the absolute ``residual`` (n,) in standard deviations."""
+        """Compute the median of absolute ``residual`` (n,) over sigma; 1 if no point is used."""
         off = np.abs(residual / self.sigma)[self.used & np.isfinite(residual)]
         return float(np.median(off)) if off.size else 1.0
 
     def percentile(self, vectors: Array) -> float:
-        """90th percentile of the lengths of ``vectors`` (n, 2), of the points with weight.
+        """Compute the 90th percentile of the lengths of ``vectors`` (n, 2) of the used points.
 
-        Those that are NaN are left out; infinite if all are.
+        Those that are not finite are left out; infinite if all are.
         """
         length = np.hypot(vectors[:, 0], vectors[:, 1])[self.used]
         length = length[np.isfinite(length)]
@@ -152,7 +152,7 @@ class Egomotion:
     heading_sigma: float
 
     def deviations(self, sigmas: float) -> Iterator[tuple[Array, Array]]:
-        """Motions that are ``sigmas`` standard deviations off, both signs of each principal axis.
+        """Yield motions that are ``sigmas`` standard deviations off, both ways on principal axes.
 
         Each is a small rotation (3, 3), to be done after ``rotation``, and the unit vector (3,) of
         the translation. Nothing if the direction is unknown.
@@ -174,7 +174,7 @@ class Egomotion:
 def estimate_egomotion(
     motion: PointMotion, focal: float, prior: EgomotionPrior | None = None
 ) -> Egomotion:
-    """The camera's motion that explains ``motion``, given what is known before."""
+    """Estimate the camera's motion from ``motion`` of image points, and a ``prior`` if known."""
     prior = prior or EgomotionPrior()
     if int(motion.used.sum()) < MIN_VECTORS:
         return without_direction(MotionKind.UNKNOWN, prior)
@@ -358,7 +358,7 @@ def without_direction(
     rotation: Array | None = None,
     direction: Array | None = None,
 ) -> Egomotion:
-    """A motion whose direction of translation is not known; ``direction`` is a guess."""
+    """Make an egomotion with unknown direction of translation; ``direction`` is a guess."""
     guess = prior.direction if direction is None else direction
     return Egomotion(
         kind=kind,

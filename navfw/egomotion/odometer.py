@@ -45,17 +45,17 @@ _MAX_PITCH = 0.2  # chosen
 
 
 class RockingFilter:
-    """Integrates the pitch rate.
+    """Estimates the pitch of a rocking body from the rates of the gyro.
 
     ``pitch`` [rad] is nose down, ``rocking`` [rad] the amplitude of the last half minute; both are
-    0 of a body that does not rock.
+    0 for a body that does not rock.
     """
 
     def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
-        """Level, without bias."""
+        """Return to the initial state: level, biases unknown."""
         self.pitch = self.rocking = 0.0
         self._pitch = self._swing = 0.0
         self._biases = [0.0, 0.0]
@@ -63,9 +63,9 @@ class RockingFilter:
         self._amplitude = 0.0
 
     def update(self, inertial: Inertial, turning: float, dt: float, still: bool) -> None:
-        """Take in the mean rates of the last ``dt`` [s].
+        """Integrate the mean rates of the last ``dt`` [s].
 
-        ``turning`` [rad/s] is the yaw rate; ``still`` says whether the wheels rest. Rates that are
+        ``turning`` [rad/s] is the yaw rate; ``still`` is true if the wheels rest. Rates that are
         not finite, of a gyro with one axis, leave the pitch as it is.
         """
         rates = (inertial.roll_rate, inertial.pitch_rate)
@@ -105,7 +105,7 @@ _MEMORY = 3.0  # chosen
 
 
 class OdometryHistory:
-    """The odometry of the last ``_MEMORY`` seconds, queried by time."""
+    """The odometry of the last 3 seconds, queried by time."""
 
     def __init__(self) -> None:
         self.reset()
@@ -115,13 +115,13 @@ class OdometryHistory:
         self._past: deque[Odometry] = deque()
 
     def add(self, odometry: Odometry) -> None:
-        """Append the newest odometry and delete entries older than ``_MEMORY``."""
+        """Append the newest odometry and delete entries older than 3 s."""
         self._past.append(odometry)
         while odometry.time - self._past[0].time > _MEMORY:
             self._past.popleft()
 
     def at(self, time: float) -> Odometry:
-        """The newest odometry not later than ``time`` [s], or the oldest entry if all are later.
+        """Return the newest odometry not later than ``time`` [s]; the oldest one if all are later.
 
         Raises:
             IndexError: the history is empty.
@@ -172,7 +172,7 @@ class EncoderFaultDetector:
 
     @property
     def silent(self) -> tuple[bool, bool]:
-        """Whether the encoder (left, right) has failed to count a commanded motion."""
+        """Whether the encoders (left, right) have failed to count a commanded motion."""
         left, right = self._unanswered
         return left >= _SILENT, right >= _SILENT
 
@@ -216,11 +216,10 @@ class Odometer:
     The pose starts at the origin of ``odom``. The gyro's bias is the running mean of its readings
     while the wheels rest; a robot that has not turned a wheel since it was switched on rests from
     the first reading. While it rests its heading is held. A gyro reading is taken as the mean rate
-    since the last one (rate gyros filter and sum over their sampling time); one that is not finite
-    or stale is replaced by the turn of the wheels. A wheel whose encoder is silent is replaced by
-    the other wheel and the gyro; without these, by the commanded speed, and the odometry is marked
-    ``silent``. Yaw corrections by the flow (``correct``) follow a bias that changes during the
-    drive.
+    since the last one (rate gyros filter and sum over their sampling time); if it is not finite or
+    stale, the turn of the wheels replaces it. If a wheel's encoder is silent, the other wheel and
+    the gyro replace it; without these, the commanded speed, and the odometry is marked ``silent``.
+    Yaw corrections by the flow (``correct``) follow a bias that changes during the drive.
     """
 
     def __init__(self, robot: RobotModel) -> None:
@@ -231,7 +230,7 @@ class Odometer:
         self.reset()
 
     def reset(self) -> None:
-        """Back to the start: the next reading is taken at the origin."""
+        """Return to the start: the next reading is taken at the origin."""
         self._wheels.reset()
         self._rocking.reset()
         self._last: tuple[Encoders, float] | None = None
@@ -250,9 +249,9 @@ class Odometer:
     def update(
         self, inertial: Inertial, encoders: Encoders, commanded: Twist | None = None
     ) -> Odometry:
-        """Advance by one more reading of gyro and encoders, both taken at the same time.
+        """Integrate a reading of gyro and encoders, taken at the same time; return the odometry.
 
-        ``commanded`` is the twist given to the drive since the last reading, where it is known.
+        ``commanded`` is the twist given to the drive since the last reading, if it is known.
         """
         commanded = Twist(0.0, 0.0) if commanded is None else commanded
         self._wheels.update(encoders, commanded)
@@ -291,7 +290,7 @@ class Odometer:
         return self._odometry(encoders.time, rate - self._bias)
 
     def correct(self, correction: YawCorrection) -> None:
-        """Correct the gyro's bias by the yaw that the flow found beside the measured one.
+        """Correct the gyro's bias by the error of the measured yaw that the flow found.
 
         Only a significant mean residual corrects the bias: it has changed since the robot last
         stood still. A residual in proportion to the turning rate does not: that is a scale error,

@@ -39,21 +39,21 @@ _WHEELS_YAW_SIGMA = 0.1  # chosen
 
 
 def yaw_rotation(angle: float) -> Array:
-    """(3, 3) rotation by ``angle`` [rad] about base_link's z axis, counter-clockwise from above."""
+    """Return the rotation (3, 3) by ``angle`` [rad] about base_link's z, counter-clockwise."""
     c, s = math.cos(angle), math.sin(angle)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def pitch_rotation(pitch: float) -> Array:
-    """(3, 3) rotation of base_link's axes into level ones, ``pitch`` [rad] being nose down."""
+    """Return the rotation (3, 3) of base_link's axes into level ones; ``pitch`` [rad] nose down."""
     c, s = math.cos(pitch), math.sin(pitch)
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
 def camera_place(robot: RobotModel, pitch: float) -> Array:
-    """Place (3,) of the camera [m] ahead, left and above its height; level axes of base_link.
+    """Return the camera's place (3,) [m]: ahead and left of base_link, above its usual height.
 
-    The body rocks about the axle of its wheels.
+    In level axes, while the body is pitched about the axle of its wheels by ``pitch`` [rad].
     """
     ahead, above = robot.camera.mount_forward, robot.camera.mount_height - robot.wheel_radius
     if pitch == 0.0:
@@ -72,7 +72,7 @@ def camera_motion(
     slip: float = SLIP,
     places: tuple[Array, Array] | None = None,
 ) -> CameraMotion:
-    """Motion of ``robot``'s camera while its base moves from pose ``past`` to pose ``now``.
+    """Compute the motion of ``robot``'s camera while its base moves from ``past`` to ``now``.
 
     Both poses are in one frame (``odom``). The camera is mounted ``mount_forward`` ahead of the
     axle, so a turn also moves it sideways, and its pitch maps yaw into rotation about two of its
@@ -103,7 +103,7 @@ def camera_motion(
 
 
 def with_yaw_sigma(flow: FlowField, odometry: Odometry) -> FlowField:
-    """``flow`` with the larger yaw sigma that is due while wheels stand in for a stale gyro."""
+    """Widen the yaw sigma of ``flow`` if its yaw is the wheels', for want of a fresh gyro."""
     if not odometry.gyro_stale:
         return flow
     sigma = max(flow.motion.yaw_sigma, _WHEELS_YAW_SIGMA * flow.motion.baseline)
@@ -162,7 +162,7 @@ class PairingParams(Params):
 class PosedFrame:
     """A frame with the ``pose`` of the base and the ``camera_position`` (x, y) [m] in ``odom``.
 
-    ``place`` (3,) [m] is that of the camera on the body (``camera_place``).
+    ``place`` (3,) [m] is the camera's place on the body (``camera_place``).
     """
 
     frame: Frame
@@ -172,7 +172,7 @@ class PosedFrame:
 
     @classmethod
     def from_odometry(cls, frame: Frame, odometry: Odometry, robot: RobotModel) -> PosedFrame:
-        """``frame`` with its pose from ``odometry`` of about the same time.
+        """Make a posed ``frame`` from ``odometry`` of about the same time.
 
         The pose is extrapolated by the measured twist from ``odometry.time`` to the frame's time.
         """
@@ -181,19 +181,19 @@ class PosedFrame:
         return cls(frame, pose, pose.to_parent(float(place[0]), float(place[1])), place)
 
     def baseline(self, past: PosedFrame) -> float:
-        """Distance [m] between the camera positions of ``past`` and this frame."""
+        """Return the distance [m] between the camera positions of ``past`` and this frame."""
         return math.dist(self.camera_position, past.camera_position)
 
     def age(self, past: PosedFrame) -> float:
-        """Time [s] from ``past`` to this frame."""
+        """Return the time [s] from ``past`` to this frame."""
         return self.frame.time - past.frame.time
 
     def turn(self, past: PosedFrame) -> float:
-        """Absolute rotation [rad] of the robot between ``past`` and this frame."""
+        """Return the absolute rotation [rad] of the robot between ``past`` and this frame."""
         return abs(wrap_angle(self.pose.yaw - past.pose.yaw))
 
     def pair(self, past: PosedFrame, robot: RobotModel, params: PairingParams) -> FramePair:
-        """Pair of ``past`` and this frame, with the motion of ``robot``'s camera between them."""
+        """Pair ``past`` with this frame and the motion of ``robot``'s camera between them."""
         motion = camera_motion(
             robot,
             past.pose,
@@ -228,7 +228,7 @@ class FrameBuffer:
         self._last_paired: Pose | None = None
 
     def add(self, frame: Frame, odometry: Odometry) -> None:
-        """Append the newest ``frame``; ``odometry`` is that of about the same time."""
+        """Add the newest ``frame``, with the odometry of about the same time, and pair it."""
         posed = PosedFrame.from_odometry(frame, odometry, self._robot)
         while self._frames and posed.age(self._frames[0]) > MAX_AGE:
             self._frames.popleft()
@@ -238,7 +238,7 @@ class FrameBuffer:
         self._frames.append(posed)
 
     def pairs(self) -> tuple[FramePair, ...]:
-        """Pairs of the newest frame with past ones: none, the long one, or the long and the short.
+        """Return pairs of the newest frame with past ones: none, the long, or the long and short.
 
         The long pair is the one whose baseline is nearest to the desired one. The short pair exists
         only if ``params.short`` is set and its baseline is well below that of the long one.
@@ -276,9 +276,9 @@ class FrameBuffer:
 
 
 def seeing_speed(robot: RobotModel, params: PairingParams) -> float:
-    """Top speed [m/s] at which successive frames of ``robot``'s camera are still a pair.
+    """Return the top speed [m/s] at which successive frames of ``robot``'s camera form a pair.
 
-    Faster, no two frames are near enough to each other to show any depth.
+    At higher speed, no two frames are near enough to each other to show any depth.
     """
     return _BASELINE_SHARE * params.max_baseline * robot.camera.rate
 

@@ -32,7 +32,7 @@ _MIN_EXPANSION = 0.02  # chosen
 
 
 def towards_plane(motion: PointMotion, focal: float, prior: EgomotionPrior) -> Egomotion | None:
-    """The motion towards one plane across the optical axis; None unless it explains the points.
+    """Estimate the motion towards a plane across the optical axis; None if points do not fit it.
 
     Such a plane expands alike everywhere, regardless of turn and heading, which it hardly
     distinguishes: a point ``x`` comes from ``x - (q_z x - f q_xy)``, ``q`` being the displacement

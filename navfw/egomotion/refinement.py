@@ -38,10 +38,10 @@ def refine_rotation(
     prior: Array,
     settings: tuple[float, float, float],
 ) -> tuple[Array, Array, Array, Array]:
-    """Small rotation that minimises the distances of the flow from its epipolar lines (METHOD 2.6).
+    """Fit the small rotation that minimises the flow's distances from epipolar lines (METHOD 2.6).
 
     The fit of the camera's motion with the direction of translation known and the rotation about
-    two axes only, linear about the measured rotation.
+    only two axes, linear about the measured rotation.
 
     Args:
         points: (n, 2) image points [px].
@@ -89,11 +89,11 @@ def refine_rotation(
 def weigh_residuals(
     residual: Array, allowed: Array, consistent: Mask, confidence: Array
 ) -> tuple[Array, Array]:
-    """Confidence (n,) of vectors given their epipolar residuals, and inconsistency (n,).
+    """Compute confidence and inconsistency (n,) of vectors from their epipolar residuals.
 
     A vector is inconsistent with the motion if it is not ``consistent`` and its ``residual`` [px]
-    exceeds _CERTAIN times its standard deviation ``allowed`` [px], to which _DOUBT [px] is added in
-    quadrature; its inconsistency is then its confidence, otherwise 0.
+    exceeds 3 times its standard deviation ``allowed`` [px], to which 0.1 px is added in quadrature;
+    its inconsistency is then its confidence, otherwise 0.
     """
     n = residual.size
     weighted, inconsistency = np.empty(n, np.float64), np.zeros(n, np.float64)
@@ -149,10 +149,10 @@ class Refinement:
     allowed: Array
 
     def apply(self, flow: FlowField, camera: CameraModel) -> FlowField:
-        """``flow`` derotated by the corrected rotation and reweighted by its epipolar residuals.
+        """Derotate ``flow`` by the corrected rotation, and reweight it by its epipolar residuals.
 
         The confidence factor is exp(-(residual / 2 sigma)^2), METHOD 2.9, and 0 beyond the gate.
-        The confidence that is lost there becomes the field's ``inconsistency``.
+        The confidence lost beyond the gate becomes the field's ``inconsistency``.
         """
         confidence, inconsistency = weigh_residuals(
             _flat(self.residual),

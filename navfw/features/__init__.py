@@ -1,7 +1,7 @@
 """Feature Recognition Processor (paper sec 2): landmark detections from single images.
 
-``recognizers`` detects markers, pictures, both, or nothing, and computes bearing and range from
-their corners; ``landmark_appearance`` says how they look.
+``recognizers`` detects markers, or nothing, and computes bearing and range from their corners;
+``landmark_appearance`` draws them.
 """
 
 import lazy_loader

@@ -34,12 +34,12 @@ _MODULE = 32  # chosen
 
 
 def identity_of(kind: str, number: int) -> str:
-    """The identity of a landmark in detections: kind and id, as in ``aruco-7``."""
+    """Return the identity of a landmark in detections: kind and id, as in ``aruco-7``."""
     return f"{kind}-{number}"
 
 
 def marker_dictionary(ids: int) -> cv2.aruco.Dictionary:
-    """The smallest dictionary of 4 x 4 modules with at least that many ids; ValueError if none."""
+    """Return the smallest dictionary of 4 x 4 modules with ``ids`` ids or more; else ValueError."""
     for size, which in _DICTIONARIES.items():
         if ids <= size:
             return cv2.aruco.getPredefinedDictionary(which)
@@ -54,11 +54,11 @@ class ArucoMarker(LandmarkKind):
     default_size: ClassVar[float] = 0.25
 
     def plate_side(self, size: float) -> float:
-        """Side [m] of the plate: the black square with the white rim."""
+        """Return the side [m] of the plate: the black square with the white rim."""
         return size * (_MODULES + 2) / _MODULES
 
     def plate_image(self, number: int) -> Image:
-        """The marker with its white rim (N, N), luminance."""
+        """Draw marker ``number`` with its white rim: (N, N) luminance."""
         marker = cv2.aruco.generateImageMarker(
             marker_dictionary(_ARUCO_IDS), number, _MODULES * _MODULE, borderBits=1
         )
@@ -69,7 +69,7 @@ _SHIPPED: dict[str, type[LandmarkKind]] = {ArucoMarker.name: ArucoMarker}
 
 
 def landmark_kind(name: str) -> LandmarkKind:
-    """The kind of landmark of that name: a shipped one, or a plugin.
+    """Make the kind of landmark of that name: a shipped one, or a plugin.
 
     Raises:
         UnknownNameError: there is none.
@@ -80,7 +80,7 @@ def landmark_kind(name: str) -> LandmarkKind:
 
 
 def plate_image(kind: str, id_: int) -> Image:
-    """The plate (N, N) of a landmark, luminance; raises as ``landmark_kind``."""
+    """Draw a landmark's plate: (N, N) luminance. Raises as ``landmark_kind``."""
     plugin = landmark_kind(kind)
     with contained(label_of(plugin)):
         image = np.asarray(plugin.plate_image(id_))
@@ -91,7 +91,7 @@ def plate_image(kind: str, id_: int) -> Image:
 
 
 def plate_side(kind: str, size: float) -> float:
-    """The side [m] of the plate of a landmark of that ``size`` [m]; raises as ``landmark_kind``."""
+    """Return the side [m] of a plate for ``size`` [m] of landmark; raises as ``landmark_kind``."""
     plugin = landmark_kind(kind)
     with contained(label_of(plugin)):
         return number(plugin.plate_side(size), "plate_side's answer", 0.0)
@@ -106,7 +106,7 @@ def _plugin_kind(name: str, folder: Path) -> type[LandmarkKind]:
 
 
 def check_landmark_kind(name: str) -> str:
-    """``name`` if a kind of landmark has it; ValueError if none has, for pydantic models."""
+    """Return ``name`` if it is a kind of landmark, else raise ValueError, for pydantic models."""
     try:
         landmark_kind(name)
     except InputError as error:

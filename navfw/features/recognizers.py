@@ -42,13 +42,13 @@ in rad, range as a share."""
 
 
 def landmark_sizes(topo_map: TopoMap, kind: str) -> Mapping[int, float]:
-    """Sides [m] of the map's landmarks of ``kind``, by id."""
+    """Return the sides [m] of the map's landmarks of ``kind``, by id."""
     marks = topo_map.landmarks.values()
     return {mark.id: mark.size for mark in marks if mark.kind == kind}
 
 
 def locate(corners: Array, side: float, camera: CameraModel) -> Array:
-    """Bearing [rad] and range [m] in base_link (..., 2) of the centres of upright squares.
+    """Compute bearing [rad] and range [m] in base_link (..., 2) of the centres of upright squares.
 
     ``corners`` (..., 4, 2) [px, relative to the principal point] are top left, top right, bottom
     right, bottom left in the image; ``side`` [m] is the squares' side.
@@ -70,9 +70,9 @@ def locate(corners: Array, side: float, camera: CameraModel) -> Array:
 def locate_with_covariance(
     corners: Array, side: float, camera: CameraModel, sigma: float
 ) -> tuple[Array, Array]:
-    """Bearing and range (2,) of one square, and their covariance (2, 2).
+    """Compute bearing and range (2,) of one square as ``locate``, and their covariance (2, 2).
 
-    ``sigma`` [px] is one standard deviation of each coordinate of ``corners`` (4, 2).
+    ``sigma`` [px] is the standard deviation of each coordinate of ``corners`` (4, 2).
     """
     shifts = _STEP * np.eye(8).reshape(8, 4, 2)
     varied = locate(np.concatenate([corners[None], corners + shifts]), side, camera)
@@ -84,7 +84,7 @@ def locate_with_covariance(
 
 
 def is_upright(corners: Array) -> bool:
-    """Whether corners (4, 2) can be those of an upright square viewed from its front."""
+    """Check whether corners (4, 2) can be those of an upright square seen from its front."""
     left, right = corners[3] - corners[0], corners[2] - corners[1]
     leans = abs(left[0]) > _MAX_LEAN * left[1] or abs(right[0]) > _MAX_LEAN * right[1]
     return bool(not leans and corners[0, 0] < corners[1, 0] and corners[3, 0] < corners[2, 0])
@@ -99,7 +99,7 @@ def square_detection(
     camera: CameraModel,
     sigma: float,
 ) -> LandmarkDetection:
-    """The detection of a landmark with corners ``pixels`` (4, 2) [px, from the image's corner].
+    """Make the detection of a landmark with corners ``pixels`` (4, 2) [px, from the image's first].
 
     ``side`` [m] is the landmark's side, ``sigma`` [px] the corners' standard deviation.
     """
@@ -117,7 +117,7 @@ class Aruco(FeatureRecognizer):
     landmark_frames: ClassVar[bool] = True
 
     class Params(FeatureRecognizer.Params):
-        """Dictionary, assumed size, corner accuracy and least size in the image."""
+        """Size of the dictionary, and side of markers that are not in the map."""
 
         ids: Annotated[
             Literal[50, 100, 250, 1000],
@@ -146,7 +146,7 @@ class Aruco(FeatureRecognizer):
         self._sizes = landmark_sizes(topo_map, "aruco")
 
     def recognize(self, frame: Frame) -> Sequence[LandmarkDetection]:
-        """All upright markers in ``frame``, ordered by id; of two with one id the larger."""
+        """Detect the upright markers in ``frame``, by id; of two with one id, the higher one."""
         quads, ids, _ = self._detector.detectMarkers(frame.image)
         if ids is None or not len(ids):
             return ()
@@ -174,6 +174,6 @@ class NoFeatures(FeatureRecognizer):
     name: ClassVar[str] = "none"
 
     def recognize(self, frame: Frame) -> Sequence[LandmarkDetection]:
-        """No landmarks in any ``frame``."""
+        """Return no detections, whatever ``frame`` shows."""
         del frame
         return ()

@@ -59,10 +59,10 @@ _ramp: Any = numba.njit(cache=True, error_model="numpy")(ramp)
 
 @numba.njit(cache=True, error_model="numpy")
 def uniqueness(height: Array, second: Array, inner: Mask) -> Array:
-    """1 for a unique peak, 0 if another displacement fits as well (METHOD 2.9); (rows, cols).
+    """Compute 1 for a unique peak, 0 if another displacement fits as well (METHOD 2.9).
 
-    ``height`` is the score of the peak, ``second`` the highest one elsewhere. Limits are stricter
-    for a peak at the edge of the search range (not ``inner``).
+    ``height`` (rows, cols) is the score of the peak, ``second`` the highest one elsewhere. Limits
+    are stricter for a peak at the edge of the search range (not ``inner``).
     """
     unique = np.empty(height.shape)
     for r in range(height.shape[0]):
@@ -84,7 +84,7 @@ def judge_registration(
     peak: Array,
     unique: Array,
 ) -> tuple[Array, Array]:
-    """Confidence and sigma [px] of registered windows; all arrays are (rows, cols).
+    """Compute confidence and sigma [px] of registered windows; all arrays are (rows, cols).
 
     ``score``, ``share`` and ``mixture`` are those of ``navfw.flow.registration.Registration``,
     ``noise`` [px] its sigma with the samples' common errors; ``shift`` (rows, cols, 2) [px] is the
@@ -132,10 +132,10 @@ class BlockMatching(MatchedFlow):
     exhaustive zero-mean normalised cross-correlation, within ``search`` pixels of the position that
     the camera's known rotation predicts. The prediction warps the whole past image, so rotation
     does not distort the windows. The peak is refined to subpixel accuracy by affine registration of
-    the window (``subpixel: affine``), which may end a little outside the search range, or by a
-    quadratic surface alone (``subpixel: peak``).
+    the window (``subpixel: affine``), which may end a little outside the search range, or only by a
+    quadratic surface (``subpixel: peak``).
 
-    Where many windows on the floor have little texture, both images are smoothed before: noise
+    If many windows on the floor have little texture, both images are smoothed before: noise
     decorrelates them, and lets a window follow a strong edge at its border that belongs to another
     surface.
 

@@ -17,10 +17,10 @@ _GRADIENT = 1.5  # chosen
 
 @numba.njit(cache=True)
 def match_cells(now: Bytes, moved: Bytes, good: Mask) -> None:
-    """Set ``good`` (h / CELL, w / CELL) where cells of ``now`` and ``moved`` (h, w) match.
+    """Set ``good`` (h / CELL, w / CELL): whether the cells of ``now`` and ``moved`` (h, w) match.
 
-    The gradient is that of ``now`` by Sobel's operator with mirrored border. The sums are exact
-    integers.
+    A cell matches if its grey values differ little and its gradient, by Sobel's operator with
+    mirrored border, is steep enough. The sums are exact integers.
     """
     h, w = now.shape
     pixels = CELL * CELL
@@ -48,7 +48,7 @@ def match_cells(now: Bytes, moved: Bytes, good: Mask) -> None:
 def unwarp_cells(
     centres: Array, back: Floats, warp: Array, border: Array, good: Mask, vectors: Array
 ) -> None:
-    """Set ``vectors`` (rows, cols, 2) [px] of cells in the images before floor alignment.
+    """Set ``vectors`` (rows, cols, 2) [px] to the flow of cells before floor alignment.
 
     ``warp`` (3, 3) maps current pixels to past pixels of the floor; ``back`` (rows, cols, 2) [px],
     past - now, is the flow between the aligned images, added to the mapped position. ``good`` is

@@ -128,11 +128,11 @@ def correlate(
     search: int,
     visible: tuple[int, int, int, int],
 ) -> tuple[Floats, Floats]:
-    """Zero-mean normalised correlation of each window of ``now`` at each displacement.
+    """Correlate each window of ``now`` with ``past`` at each displacement (zero-mean, normalised).
 
-    The windows overlap. The products of the two images are therefore computed once per
-    displacement and summed along the columns between the windows' borders; the sum over a window is
-    a difference of such sums. All sums are exact integers.
+    The windows overlap. The products of the two images are therefore computed once per displacement
+    and summed along the columns between the windows' borders; the sum over a window is a difference
+    of such sums. All sums are exact integers.
 
     Args:
         now: current image (height, width).
@@ -145,7 +145,7 @@ def correlate(
 
     Returns:
         scores (rows, cols, 2 search + 1, 2 search + 1) in [-1, 1] at displacement (dy, dx) =
-        index - search, or _OUTSIDE where the window would leave the visible past; and deviations
+        index - search, or -2 where the window would leave the visible past; and deviations
         (rows, cols) [grey] of the windows' grey values in ``now``.
 
     """
@@ -227,7 +227,7 @@ def _templates(now: Bytes, x_windows: Indices, y_windows: Indices) -> tuple[Arra
 
 @numba.njit(cache=True)
 def find_peaks(scores: Floats) -> tuple[Indices, Array, Array, Array, Array, Mask]:
-    """Highest score of each window, refined to subpixel accuracy by a quadratic surface.
+    """Find the highest score of each window and refine it to subpixels by a quadratic surface.
 
     Returns, per (row, col): ``peak`` (2,) whole-pixel displacement (dx, dy); ``fine`` (2,) the
     refined displacement; ``height`` of the peak; ``second``, the highest score outside the peak's

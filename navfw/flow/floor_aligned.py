@@ -39,10 +39,10 @@ _UNIT = np.eye(3)  # defined
 
 
 class FloorAlignedFlow:
-    """Flow on a grid of small cells from ``_CELLS_ABOVE`` above the horizon to the lower border.
+    """Measures flow on a grid of small cells from 3 above the horizon to the image's lower border.
 
-    It is made for the detection of moving objects, not for depth: for frames a short fixed time
-    apart, regardless of the baseline.
+    Use it to detect moving objects, not for depth: for frames a short fixed time apart, regardless
+    of the baseline.
     """
 
     def __init__(self, robot: RobotModel) -> None:
@@ -74,11 +74,11 @@ class FloorAlignedFlow:
 
     @property
     def floor_visible(self) -> bool:
-        """Whether enough of the floor lies in the field of view."""
+        """Whether the field of view has at least 4 rows of cells below the horizon."""
         return self._rows - _CELLS_ABOVE >= _MIN_ROWS
 
     def compute(self, pair: FramePair, coarse: bool = False) -> FlowField:
-        """Flow from ``pair.past`` to ``pair.now``, not derotated; confidence is 0 or 1.
+        """Measure the flow from ``pair.past`` to ``pair.now``, not derotated; confidence is 0 or 1.
 
         ``coarse`` matching takes less than half the time and misses some moving objects.
 

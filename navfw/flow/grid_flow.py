@@ -36,7 +36,7 @@ _NEGLIGIBLE = 0.05  # chosen
 
 
 def rotation_matters(rotation: Array, camera: CameraModel) -> bool:
-    """Whether ``rotation`` moves a point of the image by more than ``_NEGLIGIBLE``."""
+    """Check whether ``rotation`` moves a corner or the middle of the image by over 0.05 px."""
     back = np.ascontiguousarray(rotation.T)
     x, y = 0.5 * camera.width, 0.5 * camera.height
     for px, py in ((-x, -y), (x, -y), (-x, y), (x, y), (0.0, 0.0)):
@@ -48,7 +48,7 @@ def rotation_matters(rotation: Array, camera: CameraModel) -> bool:
 
 
 def align_past(past: Image, rotation: Array, camera: CameraModel) -> Image:
-    """The image ``past`` (height, width) warped as if the camera had rotated by ``rotation``.
+    """Warp the image ``past`` (height, width) as if the camera had rotated by ``rotation``.
 
     This applies the rotational prediction to all pixels at once: a search in the result starts at
     the prediction, and its windows are not distorted by the rotation. Pixels outside the past image
@@ -78,7 +78,7 @@ def _intrinsics(focal: float, width: int, height: int) -> tuple[Array, Array]:
 
 
 def visible_in_past(rotation: Array, camera: CameraModel) -> tuple[int, int, int, int]:
-    """Columns [left, right) and rows [top, bottom) of ``align_past`` inside the past image.
+    """Compute columns [left, right) and rows [top, bottom) of ``align_past`` inside the past image.
 
     The limits are those of the middle row and the middle column. For a rotation about the camera's
     y axis the column limits are exact, and the row limits include a few invisible pixels in the
@@ -94,7 +94,7 @@ def visible_in_past(rotation: Array, camera: CameraModel) -> tuple[int, int, int
 
 
 def is_visible(x: Pixels, y: Pixels, visible: tuple[int, int, int, int]) -> Mask:
-    """Whether pixels ``x``, ``y`` lie within the limits of ``visible_in_past``."""
+    """Check whether pixels ``x``, ``y`` lie within the limits of ``visible_in_past``."""
     left, right, top, bottom = visible
     return (x >= left) & (x <= right - 1) & (y >= top) & (y <= bottom - 1)
 
@@ -110,7 +110,7 @@ Floating = npt.NDArray[np.floating[Any]]
 
 
 def gradient_products(image: Image) -> tuple[Floats, Floats, Floats]:
-    """Products xx, yy, xy of the gradient's components [(grey levels/px)^2] at each pixel.
+    """Compute products xx, yy, xy of the gradient's components [(grey/px)^2] at each pixel.
 
     Their means over a window are the elements of its structure tensor.
     """
@@ -120,7 +120,7 @@ def gradient_products(image: Image) -> tuple[Floats, Floats, Floats]:
 
 
 def smaller_eigenvalue(xx: Floating, yy: Floating, xy: Floating) -> Floating:
-    """Mean square of the gradient in its weakest direction: smaller eigenvalue of the tensor."""
+    """Compute the tensor's smaller eigenvalue: mean square gradient in the weakest direction."""
     eigenvalue = 0.5 * (xx + yy) - np.sqrt(0.25 * (xx - yy) ** 2 + xy**2)
     return np.asarray(np.maximum(eigenvalue, 0.0))
 
@@ -132,13 +132,13 @@ _SURELY_MOVED = 0.005  # chosen
 
 
 def ramp(value: Array, low: float, high: float) -> Array:
-    """0 below ``low``, 1 above ``high``, linear between."""
+    """Return 0 below ``low``, 1 above ``high``, linear between."""
     # equal to np.clip, at a third of its cost on arrays of the size of a grid
     return np.minimum(np.maximum((value - low) / (high - low), 0.0), 1.0)
 
 
 def is_frozen(pair: FramePair, camera: CameraModel) -> bool:
-    """Whether the camera moved but both images are identical: the camera or its driver hangs.
+    """Check whether the camera moved but both images are identical: it or its driver hangs.
 
     Such a pair would match perfectly and show zero flow.
     """
@@ -148,7 +148,7 @@ def is_frozen(pair: FramePair, camera: CameraModel) -> bool:
 
 
 def match_sigma(score: Array, curvature: Array, pixels: Array | float) -> Array:
-    """Standard deviation [px] of the position of a correlation peak, in its worst direction.
+    """Estimate the sigma [px] of a correlation peak's position, in its worst direction.
 
     For two images with independent noise, the position of the maximum of their normalised
     correlation, of height ``score``, has the variance 2 (1 - score) / (pixels * curvature) [px^2],
@@ -160,7 +160,7 @@ def match_sigma(score: Array, curvature: Array, pixels: Array | float) -> Array:
 
 
 def local_spread(vectors: Array, confidence: Array) -> Array:
-    """Standard deviation (rows, cols) [px] of the vectors in each 3 x 3 neighbourhood.
+    """Compute the standard deviation (rows, cols) [px] of vectors in each 3 x 3 neighbourhood.
 
     Both components together; vectors of confidence 0 are left out. Where neighbouring windows
     overlap, it measures how much the flow varies within a window: expansion, slanted surfaces,
@@ -182,14 +182,14 @@ def _sum_around(values: Array) -> Array:
 
 
 def with_shutter_sigma(flow: FlowField, effects: CameraEffects, height: int) -> FlowField:
-    """``flow`` of images ``height`` px high, its sigma widened by blur and a rolling shutter.
+    """Widen the sigma of ``flow``, of images ``height`` px high, by blur and a rolling shutter.
 
     A vector u over the time dt is an image motion of |u| / dt. While a row is exposed, for e, a
     point draws a trail of b = e |u| / dt; where in it the match lies is uniform, which has the
-    standard deviation b / sqrt(12). Rows are exposed one after the other over the readout time r:
-    a point that moved by u_y rows was seen r u_y / height later than dt says, so that the vector
-    is wrong by s = |u| / dt times that. Both are independent of the sigma of the match:
-    sqrt(sigma^2 + b^2 / 12 + s^2).
+    standard deviation b / sqrt(12). Rows are exposed one after the other over the readout time r: a
+    point that moved by u_y rows was seen r u_y / height later than dt says, so that the vector is
+    wrong by s = |u| / dt times that. Both are independent of the sigma of the match: sqrt(sigma^2 +
+    b^2 / 12 + s^2).
     """
     x, y = flow.vectors[..., 0], flow.vectors[..., 1]
     speed = np.hypot(x, y) / flow.motion.dt
@@ -200,7 +200,7 @@ def with_shutter_sigma(flow: FlowField, effects: CameraEffects, height: int) -> 
 
 
 def above_horizon(flow: FlowField, camera: CameraModel) -> FlowField:
-    """``flow`` with confidence 0 below the horizon, where a ray may meet the floor (METHOD 2.8)."""
+    """Set the confidence of ``flow`` to 0 below the horizon, where rays may meet the floor."""
     falls = flow.points[..., 1] * math.cos(camera.pitch) + camera.focal * math.sin(camera.pitch)
     return dataclasses.replace(flow, confidence=np.where(falls > 0.0, 0.0, flow.confidence))
 
@@ -229,7 +229,7 @@ def _check_grid(camera: CameraModel, rows: int, cols: int, owner: str) -> None:
 
 
 def grid_points(camera: CameraModel, rows: int, cols: int) -> Array:
-    """(rows, cols, 2) centres of the grid's cells [px, relative to the principal point]."""
+    """Return the centres (rows, cols, 2) of the grid's cells [px, from the principal point]."""
     x = (np.arange(cols) + 0.5) * (camera.width / cols) - 0.5 * camera.width
     y = (np.arange(rows) + 0.5) * (camera.height / rows) - 0.5 * camera.height
     return read_only(np.stack(np.meshgrid(x, y), axis=-1))
@@ -253,10 +253,10 @@ def check_frame(frame: Frame, camera: CameraModel) -> None:
 
 
 class GridFlow(interfaces.FlowProcessor):
-    """Base of processors whose field has one vector per cell of a regular grid."""
+    """Base class of processors whose field has one vector per cell of a regular grid."""
 
     class Params(interfaces.FlowProcessor.Params):
-        """The grid."""
+        """The size of the grid."""
 
         rows: Annotated[int, Field(ge=2, le=120, description="rows of the grid")] = 12
         cols: Annotated[int, Field(ge=2, le=160, description="columns of the grid")] = 16
@@ -271,10 +271,10 @@ class GridFlow(interfaces.FlowProcessor):
 
 
 class MatchedFlow(GridFlow):
-    """Base of processors that match two images.
+    """Base class of processors that match two images.
 
     The past image is first warped by the camera's known rotation, so that the method has to match
-    the translational part only. The resulting field contains the whole motion again.
+    only the translational part. The resulting field contains the whole motion again.
     """
 
     @abstractmethod
@@ -289,7 +289,7 @@ class MatchedFlow(GridFlow):
         """
 
     def compute(self, pair: FramePair) -> FlowField:
-        """Flow from ``pair.past`` to ``pair.now``, with confidence and sigma of each cell.
+        """Measure the flow from ``pair.past`` to ``pair.now``, with confidence and sigma per cell.
 
         Raises:
             ConfigError: size or type of a frame is not the camera's.

@@ -41,10 +41,10 @@ class TruthSource(Protocol):
     """Source of ground truth: the simulator, made accessible by a mission or a benchmark."""
 
     def depth(self, frame: Frame) -> Floats:
-        """True depth (height, width) [m] along the optical axis of ``frame``; inf: no surface."""
+        """Return true depth (height, width) [m] along the optical axis; inf: no surface."""
 
     def motion(self, pair: FramePair) -> CameraMotion:
-        """True motion of the camera between the frames of ``pair``."""
+        """Return the true motion of the camera between the frames of ``pair``."""
 
 
 class Ideal(GridFlow):
@@ -77,7 +77,7 @@ class Ideal(GridFlow):
         self._noise = np.random.default_rng(0) if noise is None else noise
 
     def compute(self, pair: FramePair) -> FlowField:
-        """True flow of ``pair.now`` against ``pair.past``.
+        """Compute the true flow from ``pair.past`` to ``pair.now``.
 
         Raises:
             PluginError: no source of ground truth has been set.
@@ -134,12 +134,11 @@ def _measured(points: Array, vectors: Array, half: tuple[float, float], noise: A
 
 
 def nearness_at(points: Array, depth: Floats, camera: CameraModel) -> Array:
-    """Nearness 1/Z [1/m] at image ``points`` (..., 2) [px], interpolated in ``depth``.
+    """Interpolate nearness 1/Z [1/m] at image ``points`` (..., 2) [px] in ``depth`` [m].
 
-    ``depth`` may have fewer pixels than the camera's image, of the same field of view.
-    Nearness is affine over the image of a plane, so bilinear interpolation is exact on planes.
-    Where the four pixels around a point show more than one surface, the nearest pixel's value is
-    taken.
+    ``depth`` may have fewer pixels than the camera's image, of the same field of view. Nearness is
+    affine over the image of a plane, so bilinear interpolation is exact on planes. If the four
+    pixels around a point show more than one surface, the nearest pixel's value is taken.
     """
     height, width = depth.shape
     scale = width / camera.width, height / camera.height
@@ -170,11 +169,11 @@ def _interpolated(nearness: Array, points: Array, scale: tuple[float, float]) ->
 
 
 def true_vectors(points: Array, nearness: Array, motion: CameraMotion, focal: float) -> Array:
-    """Flow (..., 2) [px] at current ``points`` of static surfaces at ``nearness`` [1/m].
+    """Compute flow (..., 2) [px] at current ``points`` of static surfaces at ``nearness`` [1/m].
 
-    NaN where a surface was not in front of the past camera. Exact: the current point X is at
-    R^T (X + t) in the past camera's axes. The equation is divided by the depth, so that it also
-    holds for points at infinity.
+    NaN where a surface was not in front of the past camera. Exact: the current point X is at R^T (X
+    + t) in the past camera's axes. The equation is divided by the depth, so that it also holds for
+    points at infinity.
     """
     flat, motions = points.reshape(-1, 2), (motion.rotation, motion.translation)
     return _true_vectors(flat, nearness.reshape(-1), *motions, focal).reshape(points.shape)

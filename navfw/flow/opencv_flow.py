@@ -39,7 +39,7 @@ PRESETS = {
 
 
 class DenseFlow(grid_flow.MatchedFlow):
-    """Base of processors that compute a vector per pixel; the field has their mean per grid cell.
+    """Base class of processors that compute a vector per pixel; the field has means of grid cells.
 
     A cell's confidence requires texture in both directions and correlation of the current image
     with the past image moved along the flow. Its sigma follows from that correlation and from the
@@ -55,7 +55,7 @@ class DenseFlow(grid_flow.MatchedFlow):
 
     @abstractmethod
     def dense(self, now: Image, past: Image) -> Floats:
-        """Displacement (height, width, 2) [px], past - now, of each pixel of ``now``."""
+        """Measure the displacement (height, width, 2) [px], past - now, of each pixel of now."""
 
     def _match(
         self, now: Image, past: Image, visible: tuple[int, int, int, int]
@@ -146,6 +146,6 @@ class Dis(DenseFlow):
         self._dis.setFinestScale(self.params.finest_scale)
 
     def dense(self, now: Image, past: Image) -> Floats:
-        """See ``DenseFlow.dense``."""
+        """Compute the displacement of each pixel; see ``DenseFlow.dense``."""
         start: Floats = np.zeros((*now.shape, 2), dtype=np.float32)
         return np.asarray(self._dis.calc(now, past, start), dtype=np.float32)

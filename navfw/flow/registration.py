@@ -73,7 +73,7 @@ class Registration:
 
 
 def grid_windows(size: int, count: int, window: int, margin: int) -> Indices:
-    """(count, 2) first pixel and end (exclusive) of the windows along one axis of an image.
+    """Return the first pixel and end (exclusive), (count, 2), of the windows along one image axis.
 
     They are as many as the grid's cells, around their centres, ``window`` wide, clipped to the
     ``size`` of the image less ``margin`` [px].
@@ -156,9 +156,9 @@ class Registered(MatchedFlow):
 
     A vector's sigma follows from the window's residual, gradients and contrast, from the
     disagreement with its neighbours, from its length, and from the sigmas of its neighbours. Errors
-    are longer along an edge in the image than across: were the two known exactly, one sigma for
-    both would hold 42 to 47 % within one where it holds 86 % within two. Where the window matches,
-    the confidence is that of a small sigma, and falls with its inverse square.
+    are longer along an edge in the image than across: even if both were known exactly, one sigma
+    for both would hold 42 to 47 % within one sigma when it holds 86 % within two. If the window
+    matches, the confidence is that of a small sigma, and falls with its inverse square.
 
     Windows at the border are clipped to the image; the field's ``points`` are the centres of the
     clipped windows.

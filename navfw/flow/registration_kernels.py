@@ -294,7 +294,7 @@ def register(
 def find_mixtures(
     vectors: Array, gradients: Array, trusted: Mask, x_centres: Array, y_centres: Array
 ) -> Array:
-    """Disagreement (rows, cols) [px] of each window's affine motion with both its neighbours.
+    """Compute how far (rows, cols) [px] a window's affine motion disagrees with both neighbours.
 
     A window across a depth edge can fit both surfaces by a steep gradient of the flow that neither
     surface has. Within a surface both neighbours continue a window's motion; next to an edge the
@@ -325,11 +325,11 @@ def find_mixtures(
 
 @numba.njit(cache=True)
 def find_bends(vectors: Array, trusted: Mask) -> Array:
-    """How far (rows, cols) [px] each of ``vectors`` (rows, cols, 2) is off its neighbours' middle.
+    """Compute how far (rows, cols) [px] vectors (rows, cols, 2) are off their neighbours' middle.
 
-    Along a row or a column of cells three vectors of one surface lie almost on a line, so what is
-    left is mostly error. The less along row and column counts: an edge in depth bends the field
-    across it, but not along it, an error both ways. 0 without two ``trusted`` neighbours in a line.
+    Three vectors of one surface along a row or column lie almost on a line, so the rest is mostly
+    error. The smaller of both is returned: an edge in depth bends the field across it, but not
+    along it; an error bends it both ways. 0 without two ``trusted`` neighbours in a line.
     """
     rows, cols = trusted.shape
     bend = np.zeros((rows, cols), np.float64)
@@ -358,13 +358,13 @@ def vector_sigma(
     trusted: Mask,
     shares: tuple[float, ...],
 ) -> Array:
-    """Standard deviation (rows, cols) [px] of registered vectors; infinite unless ``trusted``.
+    """Compute the sigma (rows, cols) [px] of registered vectors; infinite unless ``trusted``.
 
     ``residual`` [px] is ``Registration.sigma``; the other arrays are those of ``Registration``.
-    ``shares``: of the residual, the bend, the mixture and the length; errors that a residual does
-    not show, of rounding and interpolation [grey levels]; of the mean over the cell and its
-    neighbours in the logarithm, since few samples show a window's own errors; and the power of the
-    variance of its grey levels over the usual one [grey^2], as steep edges are interpolated worse.
+    ``shares``: factors of residual, bend, mixture and length; errors that a residual does not show,
+    of rounding and interpolation [grey levels]; share of the mean over the cell and its neighbours
+    in the logarithm, since few samples show a window's own errors; and the power of the variance of
+    its grey levels over the usual one [grey^2], as steep edges are interpolated worse.
     """
     by_residual, by_bend, by_mixture, by_length, grey, around, power, usual = shares
     rows, cols = trusted.shape

@@ -146,8 +146,8 @@ class ResultLayout(NamedTuple):
 class Inference:
     """The results for N samples; arrays are views of one table (N, columns).
 
-    A crisp output is the output's ``default``, or NaN, where an input is NaN, and where no rule
-    concludes about it (all its terms at or below ``inference_kernels.FIRING_FLOOR``).
+    A crisp output is the output's ``default``, or NaN without one, if an input is NaN or no rule
+    concludes about the output (all its terms at or below ``inference_kernels.FIRING_FLOOR``).
     """
 
     def __init__(self, table: Array, layout: ResultLayout) -> None:
@@ -156,38 +156,38 @@ class Inference:
 
     @property
     def firing(self) -> Array:
-        """Strength of every rule, weight included, (N, rules) in the order of the rule base."""
+        """Strengths (N, rules) of the rules, weight included, in the order of the rule base."""
         return self._table[:, : self._layout.rules]
 
     @cached_property
     def outputs(self) -> dict[str, Array]:
-        """Crisp value of every output in its unit, (N,)."""
+        """Crisp values (N,) of every output by name, in the output's unit."""
         return {name: self._table[:, column] for name, column in self._layout.outputs.items()}
 
     @cached_property
     def degrees(self) -> dict[str, dict[str, Array]]:
-        """Activation of every term of every output, (N,): the largest strength among its rules."""
+        """Activations (N,) by output and term: the largest strength of the term's rules."""
         return {
             output: {term: self._column(column) for term, column in columns.items()}
             for output, columns in self._layout.terms.items()
         }
 
     def degree(self, output: str, term: str) -> Array:
-        """``degrees[output][term]`` (N,), without building the other ones."""
+        """Return ``degrees[output][term]`` (N,), without building the other ones."""
         return self._column(self._layout.terms[output][term])
 
     def first(self, output: str) -> dict[str, float]:
-        """``degrees[output]`` of the first sample."""
+        """Return the activations of all terms of ``output`` for the first sample, by term."""
         return dict(zip(self._layout.terms[output], self.activations(output), strict=True))
 
     def activations(self, output: str) -> list[float]:
-        """``degrees[output]`` of the first sample, in the order of declaration."""
+        """Return the activations of ``output`` for the first sample, in the order of its terms."""
         row: list[float] = self._table[0].tolist()
         columns = self._layout.terms[output].values()
         return [0.0 if column is None else row[column] for column in columns]
 
     def crisp(self, output: str) -> Array:
-        """``outputs[output]`` (N,), without building the other ones."""
+        """Return ``outputs[output]`` (N,), without building the other ones."""
         return self._table[:, self._layout.outputs[output]]
 
     def _column(self, column: int | None) -> Array:
@@ -212,11 +212,11 @@ class CompiledFis:
 
     @property
     def input_names(self) -> tuple[str, ...]:
-        """The inputs in the order of the rows of ``evaluate_rows``."""
+        """Names of the inputs, in the order of the rows of ``evaluate_rows``."""
         return tuple(self._row_of)
 
     def evaluate(self, inputs: Mapping[str, npt.ArrayLike]) -> Inference:
-        """Infer from all inputs by name: scalars or arrays (N,), clipped to their ranges.
+        """Evaluate the rules on inputs by name: scalars or arrays (N,), clipped to their ranges.
 
         Raises:
             UnknownNameError: the rule base has no such input.
@@ -241,7 +241,7 @@ class CompiledFis:
         return self.evaluate_rows(rows)
 
     def evaluate_one(self, inputs: Mapping[str, float]) -> Inference:
-        """``evaluate`` for a single sample of numbers, at less cost.
+        """Evaluate the rules on one number per input; faster than ``evaluate``.
 
         Raises:
             UnknownNameError: the rule base has no such input.
@@ -254,7 +254,7 @@ class CompiledFis:
         return Inference(infer(np.array(sample, dtype=np.float64), *self._tables), self._layout)
 
     def evaluate_rows(self, rows: Array) -> Inference:
-        """``evaluate`` for ``rows`` (inputs, N), one row per input as in ``input_names``.
+        """Evaluate the rules on ``rows`` (inputs, N), one row per input as in ``input_names``.
 
         Raises:
             ValueError: the number of rows is not the number of inputs.
@@ -270,7 +270,7 @@ class CompiledFis:
         return Inference(infer(rows, *self._tables), self._layout)
 
     def explain(self, result: Inference, index: int = 0, minimum: float = 0.05) -> list[FiredRule]:
-        """The rules that fired for sample ``index`` with at least ``minimum``, strongest first.
+        """List the rules that fired for sample ``index`` with ``minimum`` or more, strongest first.
 
         Rules of equal strength keep the order of the rule base. One of strength 0 is never listed.
         """

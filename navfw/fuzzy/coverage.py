@@ -32,7 +32,7 @@ _MAX_COMBINATIONS = 4_000_000  # chosen
 
 @dataclass(frozen=True, slots=True)
 class InputInterval:
-    """An interval of one input: bounds [unit of the input], whether closed, terms above zero."""
+    """An interval of one input: bounds [its unit], whether they belong to it, terms above zero."""
 
     variable: Variable
     low: float
@@ -53,7 +53,7 @@ class InputInterval:
 
 
 def check_coverage(rule_base: RuleBase) -> None:
-    """Raise unless every output without a ``default`` has a rule that fires, for all inputs.
+    """Check that for all inputs a rule fires for each output that has no ``default``.
 
     Raises:
         RuleBaseError: names, for each uncovered output, a region in which no rule fires.
@@ -77,12 +77,12 @@ def check_coverage(rule_base: RuleBase) -> None:
 
 
 def uncovered_region(rule_base: RuleBase, output: str) -> tuple[InputInterval, ...] | None:
-    """A region in which no rule for ``output`` fires, or None if there is none.
+    """Find a region of the inputs in which no rule for ``output`` fires; None if there is none.
 
     The region is an interval of each input that bounds it; the other inputs may have any value.
 
     Raises:
-        RuleBaseError: the inputs and terms have more than ``_MAX_COMBINATIONS`` combinations.
+        RuleBaseError: the inputs and terms have more than 4,000,000 combinations.
 
     """
     clauses = [

@@ -30,12 +30,12 @@ class Shape(ABC):
 
     @abstractmethod
     def __call__(self, x: Array) -> Array:
-        """The exact degree of membership of each ``x``."""
+        """Compute the exact degree of membership of each ``x``."""
 
     @property
     @abstractmethod
     def corners(self) -> tuple[float, ...]:
-        """Where the slope changes: samples there make the sampled form exact."""
+        """Values of x where the slope changes: samples there make the sampled form exact."""
 
     @property
     def jumps(self) -> tuple[tuple[float, int], ...]:
@@ -44,15 +44,15 @@ class Shape(ABC):
 
     @property
     def knots(self) -> tuple[float, ...]:
-        """Further samples for a curved function, so that linear interpolation is accurate."""
+        """Further samples of a curved function that make linear interpolation accurate."""
         return ()
 
 
 @dataclass(frozen=True)
 class Trapezoid(Shape):
-    """Zero up to a, one from b to c, zero from d; ``places`` are a <= b <= c <= d.
+    """Zero up to a, one from b to c, zero from d; ``places`` are a <= b <= c <= d, else ValueError.
 
-    A triangle has three: b and c are one. Equal places make a vertical edge.
+    A triangle has three places, b = c. Equal places make a vertical edge.
     """
 
     places: tuple[float, ...]
@@ -64,7 +64,7 @@ class Trapezoid(Shape):
             raise ValueError(f"expected {count} corners {order}")
 
     def __call__(self, x: Array) -> Array:
-        """Linear between the corners."""
+        """Compute the degrees, linear between the corners; 1 at a vertical edge."""
         (a, b), (c, d) = self.places[:2], self.places[-2:]
         y = np.ones_like(x)
         rising = (x < b) & (x > a)
@@ -82,7 +82,7 @@ class Trapezoid(Shape):
 
     @property
     def jumps(self) -> tuple[tuple[float, int], ...]:
-        """Where a = b or c = d."""
+        """Vertical edges: a rise at b if a = b, a fall after c if c = d."""
         (a, b), (c, d) = self.places[:2], self.places[-2:]
         return (((b, -1),) if a == b else ()) + (((c, 1),) if c == d else ())
 
@@ -99,7 +99,7 @@ class Gauss(Shape):
             raise ValueError("expected mean and sigma with sigma > 0")
 
     def __call__(self, x: Array) -> Array:
-        """One at the mean; zero (by underflow) beyond some 38 sigma."""
+        """Compute the degrees: one at the mean; zero (by underflow) beyond some 38 sigma."""
         z = (x - self.mean) / self.sigma
         return np.asarray(exp(-0.5 * np.square(np.clip(z, -1e3, 1e3))))
 
@@ -126,7 +126,7 @@ class Sigmoid(Shape):
             raise ValueError("expected centre and slope with slope not 0")
 
     def __call__(self, x: Array) -> Array:
-        """0.5 at the centre."""
+        """Compute the degrees: 0.5 at the centre."""
         z = self.slope * (x - self.centre)
         return np.asarray(1.0 / (1.0 + exp(np.clip(-z, -700.0, 700.0))))
 
@@ -151,7 +151,7 @@ SHAPES: dict[str, tuple[Callable[..., Shape], tuple[str, ...]]] = {
 
 
 def make_shape(kind: str, parameters: Sequence[float]) -> Shape:
-    """The shape ``kind`` (a key of ``SHAPES``) with the given parameters.
+    """Make the shape ``kind`` (a key of ``SHAPES``) with the given parameters.
 
     Raises:
         ValueError: wrong number of parameters, not finite, or out of order.
@@ -175,17 +175,17 @@ HEDGES: dict[str, Callable[[Array], Array]] = {"very": np.square, "somewhat": np
 
 
 def hedged(degree: Array, hedges: Iterable[str]) -> Array:
-    """``degree`` with ``hedges`` applied; the hedge next to the term acts first."""
+    """Apply ``hedges`` to ``degree``; the hedge next to the term acts first."""
     for hedge in reversed(tuple(hedges)):
         degree = HEDGES[hedge](degree)
     return degree
 
 
 def sample_universe(low: float, high: float, points: int, shapes: Iterable[Shape]) -> Array:
-    """Increasing samples over [low, high]: ``points`` even ones, and those that ``shapes`` need.
+    """Make increasing samples of [low, high]: ``points`` even ones and those that ``shapes`` need.
 
-    A vertical edge at x gets a second sample at a distance of ``_EDGE_WIDTH`` of the range, so that
-    it stays almost vertical under linear interpolation.
+    A vertical edge at x gets a second sample beside it, at 1e-9 of the range, so that it stays
+    almost vertical under linear interpolation.
     """
     shapes = tuple(shapes)
     width = high - low

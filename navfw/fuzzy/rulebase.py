@@ -90,7 +90,7 @@ def _grouped(clause: Clause, joined: type[_Joined] | None = None) -> str:
 
 
 def atoms(clause: Clause, depth: int = 0) -> Iterator[tuple[Is, int]]:
-    """The literals of ``clause``, left to right, each with the number of NOTs around it."""
+    """Yield the literals of ``clause``, left to right, each with the number of NOTs around it."""
     match clause:
         case Is():
             yield clause, depth
@@ -303,8 +303,8 @@ Norm: TypeAlias = Literal["min", "prod"]
 class Variable:
     """An input or output: its range, unit, and its terms in the order of the file.
 
-    ``default`` (outputs only) is the crisp value where no rule fires; None means that the rules
-    must cover all inputs. ``line`` is the 1-based line of the declaration in the file.
+    ``default`` (outputs only) is the crisp value if no rule fires; None means that the rules must
+    cover all inputs. ``line`` is the 1-based line of the declaration in the file.
     """
 
     name: str
@@ -318,13 +318,13 @@ class Variable:
 
     @cached_property
     def universe(self) -> Array:
-        """The samples of the range, (M,), increasing; terms are linear between them."""
+        """Samples (M,) of the range, increasing; terms are linear between them."""
         universe = sample_universe(self.low, self.high, self.points, self.terms.values())
         universe.flags.writeable = False
         return universe
 
     def sampled(self, term: str, hedges: tuple[str, ...] = ()) -> Array:
-        """The degrees of ``term`` over the universe, (M,), with ``hedges`` applied."""
+        """Compute the degrees (M,) of ``term`` over the universe, with ``hedges`` applied."""
         return hedged(self.terms[term](self.universe), hedges)
 
 
@@ -347,7 +347,7 @@ class RuleBase:
     """One Mamdani inference system: immutable, independent of any evaluator.
 
     ``conjunction`` is the t-norm of AND (OR is the maximum); ``implication`` clips (min) or scales
-    (prod) a conclusion. ``file`` is where it was read from, for error messages.
+    (prod) a conclusion. ``file`` is the file that it was read from, for error messages.
     """
 
     name: str

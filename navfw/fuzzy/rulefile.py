@@ -27,7 +27,7 @@ TermCorners = Mapping[str, Mapping[str, Sequence[float]]]
 
 
 def load_rule_base(path: str | Path, terms: TermCorners | None = None) -> RuleBase:
-    """The rule base in the YAML file ``path``, its inputs with the corners in ``terms``.
+    """Load the rule base in the YAML file ``path``, with the corners in ``terms`` for its inputs.
 
     Raises:
         RuleBaseError: the file cannot be read, breaks the schema, a sentence cannot be parsed, or
@@ -75,7 +75,7 @@ def _member(document: YamlDocument, mapping: Any, name: str, what: str) -> dict[
 
 
 def parse_rule_base(text: str, source: str | None = None) -> RuleBase:
-    """The rule base in YAML ``text``; error messages name ``source`` as the file.
+    """Parse the rule base in YAML ``text``; error messages name ``source`` as the file.
 
     Raises:
         RuleBaseError: as ``load_rule_base``.

@@ -19,7 +19,7 @@ _MAX_SIZE = 1e12  # derived
 
 
 def check_name(name: str) -> None:
-    """Raise ValueError unless ``name`` can stand for a variable or term in a rule."""
+    """Check that ``name`` can be a variable or term in a rule; raise ValueError if it cannot."""
     if not re.fullmatch(NAME_PATTERN, name):
         raise ValueError(f"expected a name of letters, digits and '_', got {name!r}")
     if name.upper() in KEYWORDS or name in HEDGES:
@@ -52,7 +52,7 @@ class InputSpec(StrictModel):
 
 
 class OutputSpec(InputSpec):
-    """An output variable; ``default`` is its value where no rule fires."""
+    """An output variable; ``default`` is its value if no rule fires."""
 
     default: float | None = Field(
         None,
@@ -63,7 +63,7 @@ class OutputSpec(InputSpec):
 
 
 class RuleBaseSpec(StrictModel):
-    """One inference system, as its file declares it."""
+    """The schema of a rule base file: one inference system."""
 
     name: str = Field(min_length=1, description="name of the inference system")
     description: str = Field("", description="what it infers, and where it comes from")

@@ -52,7 +52,7 @@ _MAX_SIDE = 20_000
 
 
 def load_calibration(path: Path) -> CameraCalibration:
-    """The calibration in a YAML file; nothing in the file is ever executed.
+    """Load the calibration in a YAML file; nothing in the file is ever executed.
 
     Raises:
         InputError: the file cannot be read, is no YAML, or lacks a camera matrix or coefficients; a

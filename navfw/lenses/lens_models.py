@@ -40,10 +40,10 @@ _STRAIGHT = 1e-6
 
 
 def straighten(points: Array, curvature: float) -> Array:
-    """Where a pinhole camera shows what the lens shows at ``points`` (..., 2).
+    """Convert ``points`` (..., 2) of the lens's image to those of a pinhole camera.
 
-    Both are in focal lengths from the principal point. Points beyond ``_MAX_ANGLE`` are those at
-    it.
+    Both are in focal lengths from the principal point. Where ``c`` times the radius exceeds 1.4,
+    the point at 1.4 is returned.
     """
     bent = _bent(points, curvature)
     if abs(curvature) < _STRAIGHT:
@@ -54,7 +54,7 @@ def straighten(points: Array, curvature: float) -> Array:
 
 
 def distort(points: Array, curvature: float) -> Array:
-    """Where the lens shows what a pinhole camera shows at ``points`` (..., 2).
+    """Convert ``points`` (..., 2) of a pinhole camera's image to those of the lens's image.
 
     Both are in focal lengths from the principal point.
     """
@@ -73,7 +73,7 @@ def _bent(points: Array, curvature: float) -> Array:
 
 
 def focal_for(half: float, angle: float, curvature: float) -> float:
-    """The focal length [px] of a lens that shows ``angle`` [rad] at ``half`` [px] off the axis."""
+    """Return the focal length [px] of a lens that shows ``angle`` [rad] at ``half`` [px]."""
     return half / float(distort(np.array([math.tan(angle), 0.0]), curvature)[0])
 
 
@@ -85,22 +85,22 @@ class LensShape:
     curvature: float
 
     def straight(self, points: Array) -> Array:
-        """``points`` (n, 2) [px from the centre] as a pinhole camera of ``focal`` shows them."""
+        """Convert ``points`` (n, 2) [px from the centre] to a pinhole image with this ``focal``."""
         return straighten(points / self.focal, self.curvature) * self.focal
 
     def slopes(self, points: Array) -> Array:
-        """Derivatives (n, 2, 2) of the straight points by the image's pixels."""
+        """Compute the derivatives (n, 2, 2) of the straight ``points`` (rows) by ``points``."""
         step = 0.01
         sides = [self.straight(points + step * side) for side in np.eye(2)]
         back = [self.straight(points - step * side) for side in np.eye(2)]
         return np.stack([(a - b) / (2.0 * step) for a, b in zip(sides, back, strict=True)], axis=-1)
 
     def border(self, half: float) -> float:
-        """Shift of a point ``half`` [px] off the axis by the distortion, relative to ``half``."""
+        """Return the shift by distortion at ``half`` [px] off the axis, relative to ``half``."""
         return self._straight_half(half) / half - 1.0
 
     def view(self, half: float) -> float:
-        """Horizontal field of view [deg] of an image twice ``half`` [px] wide."""
+        """Return the horizontal field of view [deg] of an image twice ``half`` [px] wide."""
         return 2.0 * math.degrees(math.atan(self._straight_half(half) / self.focal))
 
     def _straight_half(self, half: float) -> float:
@@ -113,7 +113,7 @@ class CameraCalibration:
 
     ``matrix`` (3, 3) [px], with the centre of the first pixel at (0, 0); ``coefficients`` (n,) of
     ``model`` ("plumb_bob", "rational_polynomial", "equidistant" in OpenCV's order, or "arctan");
-    ``size`` (width, height) [px] of the images that it is for, None if the file does not say it.
+    ``size`` (width, height) [px] of the calibrated images, None if the file does not say it.
     """
 
     file: str
@@ -123,7 +123,7 @@ class CameraCalibration:
     size: tuple[int, int] | None
 
     def project(self, rays: Array) -> Array:
-        """Points (n, 2) [px] where the lens shows ``rays`` (n, 2), at unit depth."""
+        """Project ``rays`` (n, 2), at unit depth, to points (n, 2) [px] in the lens's image."""
         if self.model == ARCTAN:
             bent = distort(rays, float(self._numbers[0]))
             return np.asarray(bent @ self.matrix[:2, :2].T + self.matrix[:2, 2])
@@ -133,9 +133,9 @@ class CameraCalibration:
         return np.asarray(points, dtype=np.float64).reshape(-1, 2)
 
     def rays(self, points: Array) -> Array:
-        """Rays (n, 2), at unit depth, that the lens shows at ``points`` (n, 2) [px].
+        """Return the rays (n, 2), at unit depth, that the lens shows at ``points`` (n, 2) [px].
 
-        The inverse of ``project``, by iteration where it has no closed form: of use where the
+        The inverse of ``project``, by iteration if it has no closed form; valid only where the
         lens's model is invertible.
         """
         if self.model == ARCTAN:
@@ -147,7 +147,7 @@ class CameraCalibration:
         return np.asarray(rays, dtype=np.float64).reshape(-1, 2)
 
     def pinhole_maps(self, focal: float, width: int, height: int) -> tuple[Array, Array]:
-        """Maps for ``cv2.remap`` to the image (height, width) of a pinhole camera.
+        """Compute maps for ``cv2.remap`` to the image (height, width) of a pinhole camera.
 
         ``focal`` [px] is its focal length; its principal point is in the middle.
         """
@@ -194,11 +194,11 @@ class Undistortion:
     The result has the same size, square pixels, the principal point in its centre, and shows only
     what the lens shows: its focal length is the least without black margins. ``hfov`` [rad] is its
     horizontal field of view; ``notes`` say what was done to the calibration or the images. ``key``
-    is what errors name: the option or the file's key that gave the calibration.
+    is the option or key that gave the calibration, named in errors.
 
     Raises:
-        InputError: the calibration is for images of another shape, or its coefficients cannot be
-            inverted within the image.
+        InputError: the calibration is for images of another shape, its coefficients cannot be
+            inverted within the image, or the field of view is below 15 degrees.
 
     """
 
@@ -232,15 +232,15 @@ class Undistortion:
         return self._size[1], self._size[0]
 
     def apply(self, image: Image) -> Image:
-        """``image`` (height, width), or with channels, without distortion."""
+        """Remove the distortion of ``image`` (height, width), or one with channels."""
         straight = cv2.remap(image, self._maps[0], self._maps[1], cv2.INTER_LINEAR)
         return np.asarray(straight, dtype=np.uint8)
 
     def distort(self, image: Image) -> Image:
-        """The opposite: ``image`` of the pinhole camera as the lens shows it.
+        """Draw ``image`` of the pinhole camera as the lens shows it: the inverse of ``apply``.
 
-        The lens shows more than the image has: its border is repeated there, where ``apply`` never
-        looks.
+        The lens shows more than the image has: there, its border is repeated. ``apply`` never uses
+        these pixels.
         """
         bent = cv2.remap(image, *self._back, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
         return np.asarray(bent, dtype=np.uint8)

@@ -95,10 +95,10 @@ _sum_of_blocks: Any = intrinsic(_write_sum_of_blocks)
 
 @numba.njit(cache=True, inline="always")
 def dot(a: Vector, b: Vector) -> float:
-    """Scalar product of two vectors (n,) of one type, both contiguous, in that type.
+    """Compute the scalar product of two contiguous vectors (n,) of one type, in that type.
 
-    Element i belongs to the partial sum i modulo ``LANES``, which are added pairwise; the last n
-    modulo ``LANES`` products follow one by one. It is written into its caller: the arguments of a
+    Element i belongs to the partial sum i modulo ``LANES``; these sums are added pairwise, then the
+    last n modulo ``LANES`` products one by one. The function is inlined: passing the arguments of a
     call would take as long as the sum of a window's samples.
     """
     blocks = a.size // LANES
@@ -110,7 +110,7 @@ def dot(a: Vector, b: Vector) -> float:
 
 @numba.njit(cache=True)
 def bilinear(a: Array, matrix: Array, b: Array) -> float:
-    """``a @ matrix @ b`` of the vectors ``a`` (n,) and ``b`` (m,)."""
+    """Compute ``a @ matrix @ b`` for ``a`` (n,), ``matrix`` (n, m) and ``b`` (m,)."""
     total = 0.0
     for i in range(a.size):
         for j in range(b.size):
@@ -120,7 +120,7 @@ def bilinear(a: Array, matrix: Array, b: Array) -> float:
 
 @numba.njit(cache=True)
 def multiply(a: Array, b: Array) -> Array:
-    """Product (n, m) of the matrices ``a`` (n, k) and ``b`` (k, m)."""
+    """Compute the product (n, m) of the matrices ``a`` (n, k) and ``b`` (k, m)."""
     result = np.zeros((a.shape[0], b.shape[1]))
     for i in range(a.shape[0]):
         for j in range(b.shape[1]):
@@ -131,7 +131,7 @@ def multiply(a: Array, b: Array) -> Array:
 
 @numba.njit(cache=True)
 def solve_system(matrix: Array, right: Array) -> Array:
-    """The vector (n,) that ``matrix`` (n, n) turns into ``right`` (n,); NaN if it is singular."""
+    """Solve ``matrix`` (n, n) times x = ``right`` (n,); x is NaN if the matrix is singular."""
     solution = right.copy().reshape((right.size, 1))
     if solve_in_place(matrix.copy(), solution) == 0.0:
         solution[:] = np.nan
@@ -140,10 +140,10 @@ def solve_system(matrix: Array, right: Array) -> Array:
 
 @numba.njit(cache=True, error_model="numpy")
 def solve_in_place(matrix: Array, right: Array) -> float:
-    """Solve ``matrix`` (n, n) times X = ``right`` (n, m) by Gaussian elimination; its determinant.
+    """Solve ``matrix`` (n, n) times X = ``right`` (n, m) and return the determinant of ``matrix``.
 
-    Rows are exchanged for the largest pivot. ``right`` becomes X, ``matrix`` is overwritten. With
-    the determinant 0, where a pivot is 0, ``right`` is undefined.
+    By Gaussian elimination with row pivoting. ``right`` becomes X, ``matrix`` is overwritten. If a
+    pivot is 0, the determinant is 0 and ``right`` is undefined.
     """
     n, columns = right.shape
     determinant = 1.0

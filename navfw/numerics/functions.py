@@ -17,27 +17,27 @@ from navfw.numerics.arrays import Array
 
 
 def arccos(values: npt.ArrayLike) -> Array:
-    """Angles [rad] in [0, pi] of which ``values`` in [-1, 1] are the cosines."""
+    """Compute angles [rad] in [0, pi] from their cosines ``values`` in [-1, 1]; same shape."""
     return _unary(_arccos, values)
 
 
 def arctan2(y: npt.ArrayLike, x: npt.ArrayLike) -> Array:
-    """Angles [rad] in [-pi, pi] of the points (x, y), broadcast against each other."""
+    """Compute the angles [rad] in [-pi, pi] of the points (x, y), broadcast against each other."""
     return _binary(_arctan2, y, x)
 
 
 def exp(values: npt.ArrayLike) -> Array:
-    """E to the power of ``values``, which are below 700."""
+    """Compute e to the power of ``values``, which must be below 700; same shape."""
     return _unary(_exp, values)
 
 
 def log(values: npt.ArrayLike) -> Array:
-    """Natural logarithms of ``values`` above 0."""
+    """Compute the natural logarithms of ``values``, which must be above 0; same shape."""
     return _unary(_log, values)
 
 
 def power(base: npt.ArrayLike, exponent: npt.ArrayLike) -> Array:
-    """``base`` to the power of ``exponent``, broadcast against each other."""
+    """Raise ``base`` to the power of ``exponent``, broadcast against each other."""
     return _binary(_power, base, exponent)
 
 

@@ -10,7 +10,7 @@ from navfw.numerics.arrays import Array
 
 
 def solve(matrix: npt.ArrayLike, right: npt.ArrayLike) -> Array:
-    """X (n,) or (n, m) such that ``matrix`` (n, n) times X is ``right``, of the shape of X.
+    """Solve ``matrix`` (n, n) times X = ``right`` for X; both have the shape (n,) or (n, m).
 
     Raises:
         numpy.linalg.LinAlgError: the matrix is singular.
@@ -25,7 +25,7 @@ def solve(matrix: npt.ArrayLike, right: npt.ArrayLike) -> Array:
 
 
 def inverse(matrix: npt.ArrayLike) -> Array:
-    """Inverse (n, n) of ``matrix``.
+    """Compute the inverse (n, n) of ``matrix`` (n, n).
 
     Raises:
         numpy.linalg.LinAlgError: the matrix is singular.
@@ -35,6 +35,6 @@ def inverse(matrix: npt.ArrayLike) -> Array:
 
 
 def determinant(matrix: npt.ArrayLike) -> float:
-    """Determinant of ``matrix`` (n, n)."""
+    """Compute the determinant of ``matrix`` (n, n); 0 if it is singular."""
     factor = np.array(matrix, dtype=np.float64, order="C")
     return float(solve_in_place(factor, np.empty((len(factor), 0))))

@@ -18,7 +18,7 @@ _SUBSCRIPTS = {
 
 
 def sum_in_order(values: Iterable[float]) -> float:
-    """The sum, rounded after each addition: the built-in one compensates from Python 3.12 on.
+    """Return the sum, rounded after each addition: ``sum`` compensates errors from Python 3.12 on.
 
     >>> sum_in_order([1.0, 1e-16, 1e-16])
     1.0
@@ -30,10 +30,10 @@ def sum_in_order(values: Iterable[float]) -> float:
 
 
 def product(first: npt.ArrayLike, second: npt.ArrayLike, *others: npt.ArrayLike) -> Any:
-    """``first @ second @ ...``, from left to right: an array, or a number of two vectors.
+    """Compute ``first @ second @ ...`` from left to right; two vectors give a number.
 
     The first factor may have any number of dimensions, the others have one or two. ``einsum`` sums
-    in loops of numpy's own, which are compiled once for all processors.
+    in numpy's own loops, which are compiled once for all processors.
 
     Raises:
         ValueError: the shapes do not fit.

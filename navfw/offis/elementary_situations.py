@@ -43,7 +43,7 @@ class ObjectCells:
 def find_objects(
     geometry: GridGeometry, seen: Nearness, label: npt.NDArray[np.int8]
 ) -> ObjectCells:
-    """Weights of the cells of ``seen`` by their ``label`` (rows, cols)."""
+    """Weight the cells of ``seen`` as objects by their ``label`` (rows, cols)."""
     cells = object_cells(
         *seen.flat,
         label.reshape(-1),
@@ -62,10 +62,10 @@ def object_channels(
     walls: Walls,
     borders: BlindBorders,
 ) -> Channels:
-    """Channels of mode ``nearness``: nearness of the objects, weighted by |x| for muU, |y| for muV.
+    """Compute the channels of mode ``nearness``: nearness of the objects, with three weights.
 
-    The weights make muU and muV means of |u| and |v| from which the growth of flow with the
-    distance from the focus of expansion is removed (TRAP 1).
+    Weights times |x| for muU and |y| for muV make these means of |u| and |v| from which the growth
+    of flow with the distance from the focus of expansion is removed (TRAP 1).
     """
     values, weights, known = object_nearness(
         geometry.lateral_edge,
@@ -92,7 +92,7 @@ def object_channels(
 
 
 def raw_channels(flow: FlowField, focal: float) -> Channels:
-    """Channels of mode ``paper``: |u| and |v| of all valid vectors, floor included, and |d|/|e|."""
+    """Compute the channels of mode ``paper`` from all valid vectors: |d|/|e|, |u| and |v|."""
     shift = flow.motion.translation
     foe_vector = flow.points * shift[2] - focal * shift[:2]
     expected = np.hypot(foe_vector[..., 0], foe_vector[..., 1])
@@ -141,7 +141,7 @@ class Situations:
     """Degrees in [0, 1] of all situations.
 
     ``table`` has those of Table 1's entries, ``degrees`` these and all elementary situations;
-    ``front`` is the entry in the report.
+    ``floor_in_front`` that of free floor ahead; ``front`` is the entry that the report names.
     """
 
     table: dict[str, float]
@@ -155,7 +155,7 @@ class Situations:
 def find_situations(
     geometry: GridGeometry, slopes: Slopes, walls: Walls, objects: ObjectCells
 ) -> Situations:
-    """Degrees of all situations from the slopes and the area in front.
+    """Infer the degrees of all situations from the slopes and the area in front.
 
     Inputs of the rule base ``front`` besides entries of the table: ``opening`` in [-1, 1], the
     relative distance of the middle of the image behind the planes, or of both borders before them,

@@ -20,7 +20,7 @@ RULES = Path(__file__).parent / "rules"
 
 @cache
 def load_system(name: str) -> CompiledFis:
-    """The compiled inference system ``rules/<name>.yaml``.
+    """Load and compile the inference system ``navfw/offis/rules/<name>.yaml``; cached.
 
     Raises:
         RuleBaseError: the file is malformed.
@@ -39,15 +39,15 @@ class FuzzyEvaluation:
 
     @property
     def inputs(self) -> dict[str, Array]:
-        """(N,) samples of every input by its name."""
+        """Samples (N,) of every input by its name."""
         return dict(zip(self.system.input_names, self.rows, strict=True))
 
     def degree(self, output: str, term: str) -> Array:
-        """Degree (N,) to which the rules conclude ``output IS term``."""
+        """Return the degree (N,) to which the rules conclude ``output IS term``."""
         return self.result.degree(output, term)
 
     def explain(self, index: int) -> dict[str, Any]:
-        """Inputs and fired rules, strongest first, of one sample as plain data."""
+        """Return inputs and fired rules, strongest first, of the sample ``index`` as plain data."""
         return {
             "inputs": {name: round(float(x[index]), 4) for name, x in self.inputs.items()},
             "rules": self.system.explain(self.result, index=index),

@@ -31,7 +31,7 @@ _LOW_CAMERA = 0.2  # chosen
 
 
 def floor_nearness(points: Array, camera: CameraModel) -> Array:
-    """Nearness [1/m] of the empty floor at ``points`` (..., 2) [px]; 0 at and above the horizon."""
+    """Compute the nearness [1/m] of empty floor at ``points`` (..., 2) [px]; 0 above horizon."""
     return np.maximum(camera.fall_per_depth(points), 0.0) / camera.mount_height
 
 
@@ -40,12 +40,11 @@ class FloorModel:
     """Classifies cells as floor, obstacle, drop or overhead by their height (METHOD 2.8).
 
     Points at a height of ``top`` [m] or more do not obstruct the robot. The tests compare nearness,
-    whose errors are symmetric. An obstacle exceeds the floor's nearness by _SIGMAS standard
-    deviations and is higher than ``obstacle_height`` [m]; a drop falls short of it by _DROP_SIGMAS
-    standard deviations and is deeper than ``drop_depth`` [m]; floor is within _FLOOR_TOLERANCE [m]
-    (or _SIGMAS standard deviations) of height 0, if the standard deviation of the height is below
-    _FLOOR_RESOLUTION [m]. All else is UNKNOWN. Below a camera
-    lower than _LOW_CAMERA, both lengths shrink in proportion to its height.
+    whose errors are symmetric. An obstacle exceeds the floor's nearness by 2 standard deviations
+    and is higher than ``obstacle_height`` [m]; a drop falls short of it by 3 and is deeper than
+    ``drop_depth`` [m]; floor is within 0.04 m (or 2 standard deviations) of height 0, if the
+    standard deviation of the height is below 0.1 m. All else is UNKNOWN. For a camera lower than
+    0.2 m, the 0.04 m and the 0.1 m shrink in proportion to its height.
     """
 
     camera: CameraModel
@@ -72,7 +71,7 @@ class FloorModel:
     def classify(
         self, points: Array, seen: Nearness, fall: Array | None = None
     ) -> tuple[Array, npt.NDArray[np.int8]]:
-        """Height [m] above the floor and label of each cell, both (rows, cols).
+        """Compute height [m] above the floor and label of each cell, both (rows, cols).
 
         Where nearness is unknown the height is that of a point 1 km away: use it only together with
         the label or the confidence. ``fall`` (n,) is ``camera.fall_per_depth(points)``, computed
@@ -135,7 +134,7 @@ class GridGeometry:
     def of(
         cls, points: Array, layers: int, robot: RobotModel, path_length: float, wall_height: float
     ) -> GridGeometry:
-        """Geometry of ``points`` (rows, cols, 2) [px].
+        """Compute the geometry of the grid ``points`` (rows, cols, 2) [px] with a pyramid on it.
 
         The path is the floor up to ``path_length`` [m] ahead; walls are ``wall_height`` [m] high.
         """
@@ -188,7 +187,7 @@ _SLACK = 1.5  # chosen
 
 @dataclass(frozen=True, slots=True)
 class BlindBorders:
-    """``hidden`` (2, columns): nearness [1/m] of the inferred obstacle and its degree in [0, 1]."""
+    """Near obstacles at the borders; ``hidden`` (2, columns): nearness [1/m], degree [0, 1]."""
 
     hidden: Array
     evaluation: FuzzyEvaluation

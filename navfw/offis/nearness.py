@@ -33,9 +33,9 @@ _REJECTION = 3.0  # chosen
 
 @dataclass(frozen=True, slots=True)
 class Distances:
-    """``degrees`` (3, n) of near, middle, far for each region, and the strongest ``term`` (n,).
+    """Degrees of the distance terms: ``degrees`` (3, n) of near, middle, far for each of n regions.
 
-    An unknown region has degree 0 in all three.
+    ``term`` (n,) is the index of the strongest. An unknown region has degree 0 in all three.
     """
 
     degrees: Array
@@ -44,10 +44,10 @@ class Distances:
 
 
 def find_distances(nearness: Array, known: Array, speed: float) -> Distances:
-    """Distance terms of regions with ``nearness`` (n,) [1/m] and a share ``known`` (n,) of cells.
+    """Infer distance terms of regions from their ``nearness`` (n,) [1/m] and time to contact.
 
-    ``speed`` [m/s] is the forward speed. If it is not positive, only the distance counts, not the
-    time to contact.
+    ``known`` (n,) is the share of their cells that are known; ``speed`` [m/s] is the forward speed:
+    up to 0.02 m/s only the distance counts.
     """
     distance = 1.0 / np.maximum(nearness, 1e-3)
     contact = distance / speed if speed > 0.02 else np.full_like(distance, 1e3)
@@ -71,21 +71,21 @@ class Nearness(NamedTuple):
 
     @property
     def flat(self) -> tuple[Array, Array, Array]:
-        """The three arrays, each (rows * cols,)."""
+        """The three arrays, each of shape (rows * cols,)."""
         return self.nearness.reshape(-1), self.sigma.reshape(-1), self.confidence.reshape(-1)
 
 
 def triangulate(flow: FlowField, focal: float) -> Nearness:
-    """Nearness 1/Z [1/m] at the current pixels of ``flow`` (derotated), METHOD 2.5.
+    """Compute nearness 1/Z [1/m] at the current pixels of the derotated ``flow`` (METHOD 2.5).
 
-    The sigma combines the flow's own sigma and the yaw error (``motion.yaw_sigma`` adds
-    ``yaw_sigma * (f + x^2/f, x y/f)`` to a vector), both divided by ``|e|``, and the relative error
-    of the translation. Near the FOE ``|e|`` vanishes: such cells keep their estimate with a large
-    sigma and a low confidence (METHOD 2.10).
+    The sigma combines the flow's own sigma and the yaw error (``motion.yaw_sigma`` adds ``yaw_sigma
+    * (f + x^2/f, x y/f)`` to a vector), both divided by ``|e|``, and the relative error of the
+    translation. Near the FOE ``|e|`` vanishes: such cells keep their estimate with a large sigma
+    and a low confidence (METHOD 2.10).
 
-    A vector whose component across ``e`` exceeds ``_REJECTION`` standard deviations, or whose
-    nearness is negative by as many, comes from a moving object or a mismatch: its confidence is 0.
-    For a baseline below ``MINIMUM_BASELINE`` [m] all confidences are 0.
+    A vector whose component across ``e`` exceeds 3 standard deviations, or whose nearness is
+    negative by as many, comes from a moving object or a mismatch: its confidence is 0. For a
+    baseline below ``MINIMUM_BASELINE`` [m] all confidences are 0.
 
     Raises:
         ValueError: ``flow`` is not derotated.
@@ -140,12 +140,12 @@ class Planes:
 
 
 def pairs_of(pyramid: Pyramid) -> np.ndarray:
-    """(n_pairs, 2) indices of all neighbouring siblings."""
+    """Return the indices (n_pairs, 2) of all pairs of neighbouring siblings in the pyramid."""
     return np.array([(f + i, f + j) for f in pyramid.families for i, j in NEIGHBOURS])
 
 
 def find_planes(pairs: np.ndarray, regions: RegionStatistics, size: Array) -> Planes:
-    """Plane property of ``pairs``; ``size`` (n_regions,) is the size of each region."""
+    """Infer which ``pairs`` show one plane; ``size`` (n_regions,) is the size of each region."""
     rows, present = compare_pairs(pairs, regions.mu_u, regions.mu_v, size, regions.objects)
     evaluation = infer_rows(load_system("plane"), rows)
     return Planes(
@@ -159,7 +159,7 @@ def find_planes(pairs: np.ndarray, regions: RegionStatistics, size: Array) -> Pl
 def nearest_objects(
     pyramid: Pyramid, size: Array, present: np.ndarray, planes: Planes, distances: Distances
 ) -> Mapping[str, Mapping[str, str]]:
-    """Regions of the nearest object per layer with their distance term.
+    """Find the regions of the nearest object in each layer, with their distance terms.
 
     ``{"layer1": {"P2": "middle"}, "layer2": {"sP23": "middle"}}``. Of four siblings the biggest (by
     ``size``) belongs to the nearest object. Neighbours of about the same size that share its plane
@@ -180,7 +180,7 @@ def nearest_objects(
 def common_regions(
     obstacles: Mapping[str, Mapping[str, str]], others: Sequence[Mapping[str, Mapping[str, str]]]
 ) -> Mapping[str, Mapping[str, str]]:
-    """``obstacles`` in the quadrants that layer 1 of all ``others`` names, too."""
+    """Keep of ``obstacles`` the regions in quadrants that layer 1 of all ``others`` names, too."""
     places = {
         position(region)
         for region in obstacles["layer1"]

@@ -108,12 +108,12 @@ class Offis(Perception):
     def perceive(
         self, flow: FlowField, twist: Twist, alternatives: Sequence[FlowField] = ()
     ) -> Percept:
-        """Interpret ``flow`` (derotated); ``twist`` is the measured egomotion at its time.
+        """Interpret a derotated ``flow`` field as obstacles, planes and situations.
 
-        ``alternatives`` are what the flow is if the camera's motion was another one that is
-        possible: quadrants are named as nearest only if they are by all of them, too. Without
-        translation or texture the situation is ``unknown`` with degree 1, all other degrees are 0
-        and no floor is reported.
+        The forward speed of the measured ``twist`` gives times to contact. ``alternatives`` are the
+        same flow, derotated for other camera motions that the data allow: a quadrant is named as
+        nearest only if all agree; degrees do not depend on them. Without translation or texture
+        ``unknown`` has degree 1, all other degrees are 0 and no floor is reported.
         """
         geometry = self._geometry_of(flow.points)
         seen, height, label = self._cells(flow, geometry)
@@ -164,7 +164,7 @@ class Offis(Perception):
         twist: Twist,
         geometry: GridGeometry,
     ) -> OffisResults:
-        """``found`` with the nearest objects that all ``alternatives`` show, too."""
+        """``results`` with the nearest objects that all ``alternatives`` show, too."""
         others = []
         for flow in alternatives:
             seen, _, label = self._cells(flow, geometry)

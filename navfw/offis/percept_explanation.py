@@ -17,7 +17,7 @@ from navfw.signals.immutability import Sealed
 
 @dataclass(frozen=True, slots=True)
 class OffisResults:
-    """All intermediate results of one frame; ``known``: the nearest object has been determined."""
+    """Intermediate results of one frame; ``known``: the nearest object could be determined."""
 
     mode: str
     pyramid: Pyramid
@@ -123,7 +123,7 @@ _PARTS: dict[str, Callable[[OffisResults], Any]] = {  # defined
 
 
 def evaluations_of(explanation: PerceptExplanation) -> tuple[FuzzyEvaluation, ...]:
-    """All fuzzy inferences of the frame, to be repeated by benchmarks."""
+    """Return all fuzzy inferences of the frame, for benchmarks that repeat them."""
     results = explanation._results
     return (
         results.planes.evaluation,
@@ -138,13 +138,13 @@ def evaluations_of(explanation: PerceptExplanation) -> tuple[FuzzyEvaluation, ..
 def report(
     obstacles: Mapping[str, Mapping[str, str]], front: str, floor_in_front: bool, known: bool
 ) -> str:
-    """The report as one sentence of the paper's words (Tables 2 and 3, METHOD R13).
+    """Write the report as one sentence in the paper's words (Tables 2 and 3, METHOD R13).
 
     Layer 1 names all quadrants of the nearest object with one distance, the deeper layers name the
     distance per quadrant: "Layer1: nearest object is on upper right and on upper left in middle
     distance; Layer2: nearest object is on upper right in middle distance and on upper left in
-    middle distance; Front is a door; Floor in front". ``known`` is false if all regions are
-    unknown.
+    middle distance; Front is a door; Floor in front". Without ``known``, the nearest object is
+    reported as unknown.
     """
     parts = []
     for number, regions in enumerate(obstacles.values(), start=1):
@@ -161,7 +161,7 @@ def report(
 
 
 def with_front(sentence: str, front: str) -> str:
-    """The sentence of a ``report`` with another ``front``."""
+    """Return the sentence of a ``report`` with another ``front`` in it."""
     clauses = sentence.split("; ")
     return "; ".join(_front_clause(front) if c.startswith("Front is ") else c for c in clauses)
 
@@ -171,7 +171,7 @@ def _front_clause(front: str) -> str:
 
 
 def front_in(sentence: str) -> str:
-    """The front that a ``report`` names: alternatives joined by "or", or "unknown"; "" without."""
+    """Return the front that a ``report`` names, such as "door or corridor"; "" if it names none."""
     clauses = (part for part in sentence.split("; ") if part.startswith("Front is "))
     return next(clauses, "").removeprefix("Front is ").removeprefix("a ")
 

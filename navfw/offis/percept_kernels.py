@@ -28,7 +28,7 @@ def triangulate_cells(
     relative_sigma: float,
     rejection: float,
 ) -> tuple[Array, Array, Array]:
-    """Nearness, sigma and confidence (n,) of ``points`` (n, 2); see ``nearness.triangulate``."""
+    """Compute nearness, sigma and confidence (n,) of ``points`` (n, 2), as ``triangulate`` says."""
     n = points.shape[0]
     nearness = np.zeros(n)
     spread = np.full(n, SIGMA_LIMIT)
@@ -80,7 +80,7 @@ def label_cells(
     mount: float,
     limits: Array,
 ) -> tuple[Array, npt.NDArray[np.int8]]:
-    """Height [m] above the floor and label of each cell; see ``floor.FloorModel``.
+    """Compute height [m] above the floor and label of each cell; see ``FloorModel``.
 
     ``fall`` (n,) [m/m] is the descent of each ray per depth; ``mount`` [m] the height of the
     camera; ``limits`` are (minimum confidence, sigmas, drop sigmas, obstacle height, floor
@@ -130,7 +130,7 @@ def object_cells(
     wall_share: Array,
     least: float,
 ) -> Array:
-    """Object weight, wall weight and floor (1 or 0) of each cell: (3, n); see ``ObjectCells``."""
+    """Compute object weight, wall weight and floor (1 or 0), (3, n), as in ``ObjectCells``."""
     n = nearness.shape[0]
     cells = np.zeros((3, n))
     for i in range(n):
@@ -154,7 +154,7 @@ _MIN_NEAR_WEIGHT = 2.5  # chosen
 
 @numba.njit(cache=True)
 def region_moments(regions: Indices, values: Array, weights: Array, known: Array) -> Array:
-    """Statistics (n_regions, 9) over rectangles of the grid; see ``pyramid.RegionStatistics``.
+    """Compute statistics (n_regions, 9) of rectangles of the grid, as in ``RegionStatistics``.
 
     ``regions`` (n_regions, 4) are (row, end row, column, end column); ``values`` and ``weights``
     (3, rows, cols) are those of nearness and of the quantities averaged to muU and muV; ``known``
@@ -221,7 +221,7 @@ def blind_border(
     shift: float,
     longest: float,
 ) -> Array:
-    """Blind columns at the image's borders: without a matched vector near the horizon. (2, 4).
+    """Find blind columns at the image's borders: no vector was matched near the horizon. (2, 4).
 
     Per side (left, right): number of blind columns; mean length [px] of the vectors in the first
     column inside them (-1 if unknown); least nearness [1/m] of a point that moves more than
@@ -285,14 +285,14 @@ def object_nearness(
     wall_height: float,
     least: float,
 ) -> tuple[Array, Array, Array]:
-    """Nearness (3, n), weights (3, n) and known (n,) of objects, given the walls and blind borders.
+    """Compute nearness and weights (3, n) and known (n,) of objects, given walls and blind borders.
 
     ``slant``, ``front`` and ``support`` (2,) are the planes of the walls and the trust in them,
     ``nearer`` (columns,) as in ``walls.Walls``; ``border`` (2, columns) is nearness and degree of
     obstacles too near to be matched. A cell in a plane takes the plane's nearness at the cell's
-    outer edge, in proportion to the support; an unknown cell where the wall must be takes it
-    too. The three channels are those of ``pyramid.Channels``: equal values, with weights times 1
-    and times ``off_axis`` (2, n).
+    outer edge, in proportion to the support; an unknown cell where the wall must be takes it too.
+    The three channels are those of ``pyramid.Channels``: equal values, with weights times 1 and
+    times ``off_axis`` (2, n).
     """
     n = nearness.shape[0]
     values, weights, known = np.empty((3, n)), np.empty((3, n)), np.zeros(n)
@@ -334,7 +334,7 @@ def object_nearness(
 def compare_pairs(
     pairs: Indices, mu_u: Array, mu_v: Array, size: Array, objects: Array
 ) -> tuple[Array, Array]:
-    """Inputs (3, n_pairs) of the plane inference, and whether both regions show an object (1, 0).
+    """Compute inputs (3, n_pairs) of the plane inference, and whether both show an object (1, 0).
 
     The inputs are the relative differences |a - b| / (a + b) of muU and of muV, and the ratio of
     the sizes.

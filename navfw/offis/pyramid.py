@@ -29,7 +29,7 @@ _POSITIONS = ("upper right", "upper left", "lower left", "lower right")
 
 
 def position(region: str) -> str:
-    """Position of the quadrant of ``region`` (``P2`` or ``sP2...``) in the paper's words."""
+    """Name the position of the quadrant of ``region`` (``P2`` or ``sP2...``): "upper left"."""
     return _POSITIONS[int(region.removeprefix("s")[1]) - 1]
 
 
@@ -74,7 +74,7 @@ class Pyramid:
     ``names`` lists the regions layer by layer, siblings in the order P1..P4. The last four are
     ``left outer``, ``left inner``, ``right inner`` and ``right outer``: the halves of the left
     plane (P2 + P3) and of the right plane (P1 + P4) at the border and at the middle of the image.
-    ``families`` are the indices of the first of each four siblings, layer by layer.
+    ``families`` are the indices of the first of each four siblings. Too small a grid: ValueError.
     """
 
     def __init__(self, shape: tuple[int, int], layers: int) -> None:
@@ -101,12 +101,12 @@ class Pyramid:
         self.families = range(0, len(self.names) - 4, 4)
 
     def first_child(self, region: int) -> int | None:
-        """Index of the first of the four parts of ``region``; None in the deepest layer."""
+        """Return the index of the first of the four parts of ``region``; None in the last layer."""
         first = 4 + 4 * region
         return first if first < len(self.names) - 4 else None
 
     def statistics(self, channels: Channels) -> RegionStatistics:
-        """Statistics of every region, METHOD R6."""
+        """Compute the statistics of every region (METHOD R6)."""
         moments = region_moments(self.rectangles, channels.values, channels.weights, channels.known)
         return RegionStatistics(*moments.T)
 

@@ -23,7 +23,7 @@ def find_wall_planes(
     weight: Array,
     mount: float,
 ) -> tuple[Array, Array]:
-    """The planes of both halves and the deviations from them; see ``walls``.
+    """Fit the planes of both halves and compute the deviations from them; see ``walls``.
 
     Returns (3, 4): two rows (slant, front, explained weight, weight) of the left and the right
     half, then (shared, opening, left step, right step); and (columns,): the factor by which the

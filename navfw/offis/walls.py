@@ -70,7 +70,7 @@ class Walls:
 
 
 def find_walls(geometry: GridGeometry, seen: Nearness, weight: Array) -> Walls:
-    """Fit the walls to ``seen`` with ``weight`` (n,); cells of weight 0 are left out."""
+    """Fit the walls to the cells of ``seen`` with ``weight`` (n,); weight 0 leaves a cell out."""
     planes, nearer = find_wall_planes(
         geometry.lateral,
         geometry.ahead,
@@ -133,7 +133,7 @@ class Slopes:
 
 
 def slopes_of_walls(walls: Walls) -> Slopes:
-    """Slopes from the fitted planes and the gaps in them (mode ``nearness``)."""
+    """Infer slopes from the fitted planes and the gaps in them (mode ``nearness``)."""
     gap = np.full(2, walls.gap)
     facing = np.full(2, walls.incline.sum())
     inputs = {"outer": walls.incline, "gap": gap, "facing": facing}
@@ -141,7 +141,7 @@ def slopes_of_walls(walls: Walls) -> Slopes:
 
 
 def slopes_of_means(regions: RegionStatistics) -> Slopes:
-    """Slopes from raw mean flow of the outer and inner half of each plane (mode ``paper``)."""
+    """Infer slopes from raw mean flow of each plane's outer and inner half (mode ``paper``)."""
     mu = np.hypot(regions.mu_u[-4:], regions.mu_v[-4:])
     outer, inner = mu[[0, 3]], mu[[1, 2]]
     known = np.minimum(regions.known[[-4, -1]], regions.known[[-3, -2]])

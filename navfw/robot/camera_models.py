@@ -39,7 +39,7 @@ _Side = Annotated[int, Field(ge=1, le=20_000)]
 
 
 class LensCalibration(StrictModel):
-    """What a calibration file says of a lens (``navfw.lenses.CameraCalibration``)."""
+    """Content of a lens's calibration file, in a robot (``navfw.lenses.CameraCalibration``)."""
 
     file: Annotated[str, Field(description="where it was read")]
     model: Annotated[str, Field(description="of the distortion, as OpenCV calls it")]
@@ -49,7 +49,7 @@ class LensCalibration(StrictModel):
 
     @classmethod
     def load(cls, path: Path) -> LensCalibration:
-        """The calibration in the file at ``path``; see ``navfw.lenses.load_calibration``."""
+        """Load the calibration file at ``path``; see ``navfw.lenses.load_calibration``."""
         from navfw.lenses import load_calibration
 
         read = load_calibration(path)
@@ -65,8 +65,8 @@ class LensCalibration(StrictModel):
 class CameraModel(StrictModel):
     """A camera fixed to base_link, looking forward (camera_optical: x right, y down).
 
-    To the stack it is a pinhole camera: with a calibration the stack makes its images straight, and
-    ``hfov`` is that of the straight images.
+    To the stack it is a pinhole camera: with a calibration the stack removes the distortion of its
+    images, and ``hfov`` is that of the undistorted images.
     """
 
     width: Annotated[int, Field(ge=32, le=1920, description="image width [px]")] = 160
@@ -103,7 +103,7 @@ class CameraModel(StrictModel):
         return self
 
     def undistortion(self) -> Undistortion | None:
-        """What makes this camera's images straight; None without a calibration."""
+        """Make the object that removes this camera's distortion; None without a calibration."""
         lens = self.calibration
         if not isinstance(lens, LensCalibration):
             return None
@@ -125,17 +125,17 @@ class CameraModel(StrictModel):
 
     @property
     def base_from_camera(self) -> Array:
-        """(3, 3) rotation that turns camera_optical axes into base_link axes."""
+        """Rotation (3, 3) that turns camera_optical axes into base_link axes."""
         c, s = math.cos(self.pitch), math.sin(self.pitch)
         # columns: the camera's x (right), y (down) and z (forward) axes, in base_link
         return np.array([[0.0, -s, c], [-1.0, 0.0, 0.0], [0.0, -c, -s]])
 
     @property
     def reduction(self) -> int:
-        """The factor by which the stack reduces images: the largest that leaves _WORKING_WIDTH.
+        """Factor by which the stack reduces images: the largest that leaves a width of 160 px.
 
-        The reduced image divides into the cells of CELLS. The pixels of flow fields and percepts
-        are those of the reduced image.
+        Images of at least that width result, which divide into the cells of CELLS; 1 if none do.
+        The pixels of flow fields and percepts are those of the reduced image.
         """
         parts = math.gcd(self.width // CELLS[0], self.height // CELLS[1])
         if self.width % CELLS[0] or self.height % CELLS[1]:
@@ -144,9 +144,9 @@ class CameraModel(StrictModel):
         return next((factor for factor in factors if parts % factor == 0), 1)
 
     def fall_per_depth(self, points: Array, pitch: float | None = None) -> Array:
-        """How far [m] the rays through ``points`` (..., 2) [px] fall per metre of depth along z.
+        """Compute how far [m] rays through ``points`` (..., 2) [px] fall per metre of depth.
 
-        ``pitch`` [rad] stands in for the camera's own where that is only being estimated.
+        ``pitch`` [rad], if given, is used instead of the camera's own.
         """
         focal = self.focal
         tilt = self.pitch if pitch is None else pitch
@@ -161,23 +161,23 @@ class CameraModel(StrictModel):
 
 
 class SideCamera(CameraModel):
-    """What a wide lens shows to one side, undistorted: a pinhole image about an axis of its own."""
+    """A virtual pinhole camera turned to one side: what a wide lens shows there, undistorted."""
 
     turn: Annotated[float, Field(description="of the axis from ahead, left positive [rad]")]
 
     @property
     def base_from_camera(self) -> Array:
-        """(3, 3) rotation that turns camera_optical axes into base_link axes."""
+        """Rotation (3, 3) that turns camera_optical axes into base_link axes."""
         c, s = math.cos(self.turn), math.sin(self.turn)
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         return np.asarray(product(turn, super().base_from_camera))
 
 
 class SideViews(StrictModel):
-    """What the camera's lens shows beside its image: two more images, left and right of it.
+    """Two more images, left and right of the camera's own, from a lens that shows more.
 
     They are as high as the camera's image, with its focal length, taken at the same times. They
-    serve the detection of moving objects; OFFIS takes the camera's image alone.
+    serve the detection of moving objects; OFFIS uses only the camera's image.
     """
 
     width: Annotated[int, Field(ge=32, le=640, description="of each image [px]")] = 80
@@ -187,7 +187,7 @@ class SideViews(StrictModel):
 
 
 class LandmarkCamera(StrictModel):
-    """The same camera read out for landmarks: more pixels, a low band of them, at a lower rate.
+    """Mode of the camera for landmark frames: more pixels, a low band of them, at a lower rate.
 
     Landmarks hang at about the camera's height, so a band around the image's middle holds them.
     """
@@ -204,7 +204,7 @@ ShutterTime = Annotated[float, Field(ge=0.0, le=0.2)]
 class AutoExposure(StrictModel):
     """Exposure control: brings the image's mean grey value to a target.
 
-    Too bright, it shortens the exposure time; too dark, it amplifies image and noise.
+    It shortens the exposure time of an image too bright; it amplifies one too dark, with its noise.
     """
 
     target: Annotated[
@@ -219,7 +219,7 @@ class AutoExposure(StrictModel):
 
 
 class CameraEffects(StrictModel):
-    """What a real camera does to its images; all effects are off by default."""
+    """Effects of a real camera on its images; all are off by default."""
 
     auto_exposure: Annotated[
         AutoExposure | None, Field(description="exposure control; none: the exposure is fixed")
@@ -247,5 +247,5 @@ class CameraEffects(StrictModel):
 
     @property
     def shutter_time(self) -> float:
-        """Time [s] from the begin of the first row's exposure to the end of the last one's."""
+        """Time [s] from the start of the first row's exposure to the end of the last one's."""
         return self.exposure_time + self.readout_time

@@ -29,7 +29,7 @@ _MAX_LENS_ANGLE = math.radians(110.0)
 
 
 class OdometrySheet(StrictModel):
-    """Error model of gyro and wheels by their data sheets.
+    """Error model of gyro and wheels, from their data sheets.
 
     The stack knows these figures, never the errors of the simulated sensors.
     """
@@ -61,7 +61,7 @@ class Footprint(StrictModel):
 
 
 class DrivenUrdf(StrictModel):
-    """A URDF file as the robot's body, driven by its own wheel joints."""
+    """A URDF file that describes the robot's body, and how its wheel joints drive it."""
 
     file: Annotated[
         str,
@@ -230,10 +230,10 @@ class RobotModel(StrictModel):
 
     @property
     def discs(self) -> tuple[tuple[float, float, float], ...]:
-        """Discs for the body: centre x, y in base_link and radius [m].
+        """Discs that stand for the body: centre x, y in base_link and radius [m].
 
-        The body itself if it is round. Of a rectangle small ones along its whole rim, which reach
-        beyond it by 8 % of its half width, and large ones along its middle.
+        A round body is one disc. A rectangle has small ones along its whole rim, which reach beyond
+        it by 8 % of its half width, and large ones along its middle.
         """
         if self.footprint is None:
             return ((0.0, 0.0, self.radius),)
@@ -250,7 +250,7 @@ class RobotModel(StrictModel):
 
     @property
     def disc_radius(self) -> float:
-        """Radius [m] of those of ``discs`` that form the rim."""
+        """Radius [m] of the discs in ``discs`` that form the rim."""
         if self.footprint is None:
             return self.radius
         half = 0.5 * min(self.footprint.width, self.footprint.front + self.footprint.rear)
@@ -258,7 +258,7 @@ class RobotModel(StrictModel):
 
     @property
     def reach(self) -> float:
-        """Radius [m] of the circle about base_link that holds the body."""
+        """Radius [m] of the smallest circle about base_link that contains the body."""
         if self.footprint is None:
             return self.radius
         footprint = self.footprint
@@ -266,7 +266,7 @@ class RobotModel(StrictModel):
 
     @property
     def side_cameras(self) -> tuple[camera_models.SideCamera, ...]:
-        """The cameras that would take the side views: left and right; none without side views."""
+        """Virtual cameras of the side views, left and right; empty without side views."""
         if self.side_views is None:
             return ()
         camera, sides = self.camera, self.side_views
@@ -278,18 +278,18 @@ class RobotModel(StrictModel):
 
     @property
     def seen_aside(self) -> float:
-        """Half angle [rad] of the view, side views included."""
+        """Angle [rad] from straight ahead to the edge of the view, side views included."""
         if self.side_views is None:
             return 0.5 * self.camera.hfov
         left = self.side_cameras[0]
         return left.turn + 0.5 * left.hfov
 
     def with_camera(self, camera: camera_models.CameraModel) -> RobotModel:
-        """The same robot with ``camera`` for its only one."""
+        """Return the same robot with ``camera`` and no side views."""
         return self.model_copy(update={"camera": camera, "side_views": None})
 
     def with_reduced_images(self) -> RobotModel:
-        """The same robot with the images that the stack works on (``CameraModel.reduction``)."""
+        """Return the same robot with the stack's reduced images (``CameraModel.reduction``)."""
         camera, views = self.camera, self.side_views
         factor = camera.reduction
         if factor == 1:
@@ -302,18 +302,18 @@ class RobotModel(StrictModel):
 
     @property
     def landmark_view(self) -> camera_models.CameraModel:
-        """The camera as it takes landmark frames: mounted and looking as ``camera`` does."""
+        """Model of the camera as it takes landmark frames: ``camera`` of other size and rate."""
         wanted = self.landmark_camera
         return self.camera.model_copy(
             update={"width": wanted.width, "height": wanted.height, "rate": wanted.rate}
         )
 
     def wheel_speeds(self, twist: Twist) -> tuple[float, float]:
-        """Angular speeds (left, right) [rad/s] of the wheels for a body twist."""
+        """Compute the wheels' angular speeds (left, right) [rad/s] for a twist of the body."""
         half = 0.5 * self.track * twist.w
         return (twist.v - half) / self.wheel_radius, (twist.v + half) / self.wheel_radius
 
     def twist(self, left: float, right: float) -> Twist:
-        """The body twist for wheel angular speeds [rad/s]: the inverse of ``wheel_speeds``."""
+        """Compute the body's twist for wheel speeds [rad/s]: the inverse of ``wheel_speeds``."""
         r = self.wheel_radius
         return Twist(0.5 * r * (left + right), r * (right - left) / self.track)

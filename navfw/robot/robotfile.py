@@ -52,7 +52,7 @@ class RobotSpec(RobotModel):
 
 
 def load_robot(name: str | Path) -> RobotSpec:
-    """The robot of that name or file.
+    """Load the robot of that name, or from that robot file or URDF.
 
     Raises:
         UnknownNameError: there is no robot of that name.
@@ -65,7 +65,7 @@ def load_robot(name: str | Path) -> RobotSpec:
 
 
 def robot_section(value: Data) -> Data:
-    """The value of a mission's key ``robot`` as a mapping; a name stands for ``base: name``.
+    """Return the value of a mission's key ``robot`` as a mapping; a name becomes ``base: name``.
 
     >>> robot_section("husky"), robot_section({"max_v": 0.4})
     ({'base': 'husky'}, {'max_v': 0.4})
@@ -74,13 +74,13 @@ def robot_section(value: Data) -> Data:
 
 
 def with_section(mission: YamlDocument) -> YamlDocument:
-    """``mission`` with its ``robot`` as a mapping, so that options may change single values."""
+    """Return ``mission`` with ``robot`` as a mapping, so that options may change single values."""
     section = mission.at((_SECTION,))
     return _with(mission, robot_section(section)) if isinstance(section, str) else mission
 
 
 def with_robot(mission: YamlDocument, folder: Path) -> YamlDocument:
-    """``mission`` with the values of its ``robot`` on top of those of the robot that it names.
+    """Return ``mission`` with all values of its robot: those of the named one, then its own.
 
     A file is relative to ``folder``; one named by an option, to the working folder.
 

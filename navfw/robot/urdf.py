@@ -40,7 +40,7 @@ _ONE_TRIANGLE = 84 + 50
 class UrdfJoint:
     """A joint: its type, the links it joins, its ``frame`` (4, 4) in the parent, and its axis.
 
-    ``axis`` (3,) is in the joint's frame, ``line`` the joint's in the file.
+    ``axis`` (3,) is in the joint's frame; ``line`` is the number of the joint's line in the file.
     """
 
     name: str
@@ -53,7 +53,7 @@ class UrdfJoint:
 
     @property
     def movable(self) -> bool:
-        """Whether it is not fixed."""
+        """Whether the joint is not fixed."""
         return self.kind in _MOVABLE
 
 
@@ -61,8 +61,8 @@ class UrdfJoint:
 class UrdfCollision:
     """A collision shape of a link: the element in its <geometry>, at ``frame`` (4, 4) in the link.
 
-    ``size`` (3,) [m] is that of a box, cylinder or sphere along its own axes, None of a mesh;
-    ``radius`` [m] is 0 of what is not round.
+    ``size`` (3,) [m] is that of a box, cylinder or sphere along its own axes, None for a mesh;
+    ``radius`` [m] is that of a cylinder or sphere, otherwise 0.
     """
 
     link: str
@@ -76,9 +76,9 @@ class UrdfCollision:
 class UrdfModel:
     """A URDF file: its joints by name, links and collision shapes.
 
-    ``root`` is its XML, ``packages`` the folders in which packages of ROS were looked for.
-    ``inertials`` are the masses [kg] and <inertial> elements of links with a mass, ``massless`` the
-    others; ``wheel_radii`` [m] are the radii of the links that collide as one cylinder or sphere.
+    ``root`` is its XML, ``packages`` the folders to search for packages of ROS. ``inertials`` are
+    the masses [kg] and <inertial> elements of links with a mass, ``massless`` the other links;
+    ``wheel_radii`` [m] are the radii of links whose collision shape is one cylinder or sphere.
     """
 
     file: Path
@@ -101,7 +101,7 @@ class UrdfModel:
         return chain
 
     def frame_of(self, link: str) -> Array:
-        """Transform (4, 4) from ``link`` to the root link, all joints at zero."""
+        """Compute the transform (4, 4) from ``link`` to the root link, with all joints at zero."""
         frame: Array = np.eye(4)
         for joint in self.above(link):
             frame = product(joint.frame, frame)
@@ -109,7 +109,7 @@ class UrdfModel:
 
 
 def urdf_path(name: str, folder: Path) -> Path:
-    """The file of that name: relative to ``folder``, or with the prefix ``pybullet_data:``.
+    """Return the file of that name: relative to ``folder``, or with prefix ``pybullet_data:``.
 
     Raises:
         MissingExtraError: PyBullet's data are not installed.
@@ -122,7 +122,7 @@ def urdf_path(name: str, folder: Path) -> Path:
 
 
 def read_urdf(path: Path, packages: tuple[str, ...] = ()) -> UrdfModel:
-    """The links and joints of a URDF file, or of a xacro file; one with the same text is kept.
+    """Read a URDF file or a xacro file; it is parsed again only if its text has changed.
 
     ``packages`` are folders with packages of ROS, besides those of the environment's
     ``ROS_PACKAGE_PATH`` and ``AMENT_PREFIX_PATH``, and those that the file lies in.
@@ -258,9 +258,9 @@ def _is_empty(file: Path) -> bool:
 
 
 def loadable_urdf(model: UrdfModel, folder: Path) -> Path:
-    """A copy in ``folder`` for PyBullet, or the file itself if that is what PyBullet would read.
+    """Return a file that PyBullet can load: the model's own if it can, else a copy in ``folder``.
 
-    The copy names its meshes by absolute paths, and has no visuals if a mesh of them is missing.
+    The copy names its meshes by absolute paths, and has no visuals if any mesh file is missing.
     """
     meshes = {mesh.get("filename", "") for mesh in model.root.iter("mesh")}
     files = {name: _mesh_path(model, name) for name in meshes}
@@ -280,7 +280,7 @@ def loadable_urdf(model: UrdfModel, folder: Path) -> Path:
 
 
 def origin_frame(path: Path, origin: Element | None) -> Array:
-    """Transform (4, 4) of an <origin>; without one, none."""
+    """Convert an <origin> into a transform (4, 4); the identity if it is None."""
     if origin is None:
         return np.eye(4)
     x, y, z = attribute_numbers(path, origin, "xyz", [0.0, 0.0, 0.0])
@@ -288,7 +288,7 @@ def origin_frame(path: Path, origin: Element | None) -> Array:
 
 
 def rigid_transform(x: float, y: float, z: float, roll: float, pitch: float, yaw: float) -> Array:
-    """Transform (4, 4) of a shift [m] and turns [rad] about fixed axes, roll first."""
+    """Make the transform (4, 4) of a shift [m] and turns [rad] about fixed axes, roll first."""
     (cr, sr), (cp, sp), (cy, sy) = ((math.cos(a), math.sin(a)) for a in (roll, pitch, yaw))
     return np.array(
         [
@@ -301,7 +301,7 @@ def rigid_transform(x: float, y: float, z: float, roll: float, pitch: float, yaw
 
 
 def attribute_numbers(path: Path, element: Element, key: str, default: list[float]) -> list[float]:
-    """The numbers of an attribute, as many as those of ``default``, which holds without it.
+    """Read the numbers of an attribute, as many as ``default`` has; ``default`` if it is missing.
 
     Raises:
         ConfigError: they are not finite numbers, or too few or too many.
@@ -321,5 +321,5 @@ def attribute_numbers(path: Path, element: Element, key: str, default: list[floa
 
 
 def urdf_error(path: Path, element: Element, message: str) -> ConfigError:
-    """An error at the line of an element."""
+    """Make an error at the line of an element in the file at ``path``."""
     return ConfigError(message, file=shown_path(path), line=line_of(element))

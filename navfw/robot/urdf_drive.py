@@ -18,7 +18,7 @@ from navfw.robot import CameraModel, DrivenUrdf, RobotModel
 from navfw.robot.urdf import UrdfModel, read_urdf
 
 ACROSS = 0.99
-"""Least share of a wheel's axis that is across the body."""
+"""Least absolute component of a wheel joint's unit axis to the side of the body."""
 _RADIUS_TOLERANCE = 0.02
 """Largest difference between a wheel's radius and its collision shape's, share of the radius."""
 
@@ -27,9 +27,9 @@ _RADIUS_TOLERANCE = 0.02
 class UrdfDrive:
     """How a URDF is driven: the names of its wheel joints, left and right, each with its sense.
 
-    A ``sense`` is -1 where a positive speed drives backward. ``origin`` (3,) [m] is base_link in
-    the root link's axes, on the floor where the body turns; ``supports`` (n, 2) [m] are the
-    wheels' contact points in base_link. ``held`` joints stay at 0.
+    A ``sense`` is -1 if a positive speed drives backward. ``origin`` (3,) [m] is base_link in the
+    root link's axes, on the floor where the body turns; ``supports`` (n, 2) [m] are the wheels'
+    contact points in base_link. ``held`` joints stay at 0.
     """
 
     left: tuple[str, ...]
@@ -42,7 +42,7 @@ class UrdfDrive:
 
 
 def with_urdf(robot: RobotModel, document: YamlDocument, at: KeyPath = ()) -> RobotModel:
-    """``robot``, of the document's part ``at``, checked against its URDF, with the camera mounted.
+    """Check ``robot``, read from part ``at`` of the document, against its URDF; mount its camera.
 
     Raises:
         ConfigError: the URDF cannot be used; a joint is no wheel, or the robot lacks a footprint.
@@ -75,7 +75,7 @@ def with_urdf(robot: RobotModel, document: YamlDocument, at: KeyPath = ()) -> Ro
 
 
 def urdf_drive(robot: RobotModel, model: UrdfModel | None = None) -> UrdfDrive:
-    """The drive of a checked robot with a URDF; ``model`` is that file if already read."""
+    """Derive the drive of a checked robot with a URDF; ``model`` is that file if already read."""
     urdf = robot.urdf
     if urdf is None:
         raise ValueError("the robot has no URDF")
@@ -128,7 +128,7 @@ def _check_wheels(
 
 
 def axis_across(model: UrdfModel, joint: str) -> float:
-    """The share of a joint's axis that points left, -1 to 1."""
+    """Return the leftward component of a joint's unit axis in the root link, -1 to 1."""
     wheel = model.joints[joint]
     axis = product(model.frame_of(wheel.child)[:3, :3], wheel.axis)
     return float(axis[1] / max(math.hypot(*axis), 1e-9))

@@ -52,7 +52,7 @@ _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 def impossible_inertias(
     robot: RobotModel, model: UrdfModel
 ) -> dict[str, tuple[str, tuple[float, ...]]]:
-    """Links of which no body can have the inertia: what to tell, and the moments (3,) of a box.
+    """Find links whose inertia no body can have; return by link a note and the moments of a box.
 
     A principal moment is not positive, exceeds the sum of the others, or is too large or too small
     for mass and collision shapes. The box [kg m^2, about x, y, z] has the link's mass and size.
@@ -103,7 +103,7 @@ _PLACES = 6
 
 
 def measured(model: UrdfModel, said: dict[str, Any]) -> dict[str, Any]:
-    """The keys of a robot file that the URDF gives; ``said`` is the robot file's part ``urdf``.
+    """Derive keys of a robot file from the URDF; ``said`` is that file's part ``urdf``.
 
     Raises:
         ConfigError: the file names no wheels, and the URDF has none in pairs.
@@ -231,7 +231,7 @@ def _camera(model: UrdfModel) -> tuple[dict[str, Any], str | None]:
 
 
 def robot_notes(robot: RobotModel) -> tuple[str, ...]:
-    """What to tell of a checked robot with a URDF: impossible inertias, values that differ."""
+    """Return notes on a checked robot: impossible inertias, values other than its URDF's."""
     urdf = robot.urdf
     if urdf is None:
         return ()

@@ -44,9 +44,9 @@ _REFUSED = {"format", "format_map"}
 
 @cached_by_files(16)
 def expand_xacro(path: Path, packages: tuple[str, ...]) -> bytes:
-    """The URDF of the xacro file at ``path``; ``packages`` are folders with packages of ROS.
+    """Expand the xacro file at ``path`` to a URDF; ``packages`` are folders with packages of ROS.
 
-    Expanded again only when one of its files has changed.
+    It is expanded again only when one of its files has changed.
 
     Raises:
         ConfigError: the file cannot be read or expanded, or has an expression that is refused.
@@ -118,7 +118,7 @@ def _expanded(path: str, packages: list[str]) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Expand the file of the first argument; the others are folders with packages."""
+    """Expand the file named by the first argument; the others are folders with packages."""
     resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
     with contextlib.redirect_stdout(sys.stderr):
         answer = _expanded(sys.argv[1], sys.argv[2:])

@@ -16,7 +16,7 @@ from navfw.signals.immutability import Frozen
 class LandmarkDetection(Frozen):
     """A landmark recognised in one image: bearing [rad, left positive] and range [m] in base_link.
 
-    ``covariance`` (2, 2) is of (bearing, range); ``identity`` is the landmark's id in the map file.
+    ``covariance`` (2, 2) is that of (bearing, range); ``identity`` is KIND-ID, as in "aruco-7".
     """
 
     time: float
@@ -34,7 +34,7 @@ class Belief(Frozen):
     ``confidence`` in [0, 1] is the probability that the true position is within 1 m of ``pose``.
     While ``lost``, ``pose`` is not valid and must not be used for planning. ``updates`` counts the
     landmark detections used so far, ``hypotheses`` the poses that the last search for an unknown
-    pose could not distinguish (0: there was none).
+    pose could not distinguish (0 before any search).
     """
 
     time: float
@@ -48,7 +48,7 @@ class Belief(Frozen):
 
     @property
     def sigma(self) -> float:
-        """The largest standard deviation [m] of the position, in any direction."""
+        """Standard deviation [m] of the position in the direction in which it is largest."""
         return position_sigma(self.covariance)
 
 
@@ -72,12 +72,12 @@ class Waypoint:
 
     @classmethod
     def goal(cls, x: float, y: float, tolerance: float, place: str = "") -> Self:
-        """A goal of a mission."""
+        """Make the waypoint of a mission goal at (x, y) [m], of kind "goal" and ``final``."""
         return cls(x, y, tolerance, place, "goal", final=True)
 
     @property
     def label(self) -> str:
-        """Its name in messages: the place's, or the coordinates."""
+        """Name of the waypoint in messages: that of its place or, without one, the coordinates."""
         return self.place or f"({self.x:g}, {self.y:g})"
 
 
@@ -85,8 +85,8 @@ class Waypoint:
 class PassageQuery:
     """A leg of the route whose traversability the planner queries.
 
-    ``passage`` are the names of the two places that it joins; the leg goes straight from ``start``
-    to ``end`` (x, y) [m] in ``map`` through a passage ``width`` [m] wide.
+    ``passage`` holds the names of the two places that the leg joins; it goes straight from
+    ``start`` to ``end`` (x, y) [m] in ``map`` through a passage ``width`` [m] wide.
     """
 
     passage: tuple[str, str]
@@ -100,12 +100,12 @@ PassageStatus = Literal["open", "closed", "unknown"]
 
 @dataclass(frozen=True, slots=True)
 class PassageReport:
-    """Traversability of the route ahead by the local map, up to a few metres (METHOD 4.3).
+    """Whether the route ahead is open, by the local map, for the next few metres (METHOD 4.3).
 
     ``passages`` are the queries that could be judged, in their order: "open" if a path through the
     leg was observed free, "closed" if observed obstacles leave none, "unknown" otherwise. ``drops``
-    are points (x, y) [m] in ``map`` where the floor is missing, ``covered`` ends of legs on which
-    something stands.
+    are points (x, y) [m] in ``map`` where the floor is missing; ``covered`` are ends of legs that
+    are occupied by an obstacle.
     """
 
     time: float
@@ -127,7 +127,7 @@ class Proposal(Frozen):
     """The rating of all commands of the grid by one behaviour (METHOD 3.6).
 
     ``applicability`` in [0, 1]; ``desirability`` and ``prohibition`` are (n_v, n_w) in [0, 1];
-    ``reason`` is one line for a person. ``explain`` gives the rules that fired, on request.
+    ``reason`` is one line for a person. ``explain(row, column)`` returns the rules that fired.
     """
 
     applicability: float
@@ -137,7 +137,7 @@ class Proposal(Frozen):
     explain: Explain = _no_rules
 
     def weighted(self, weight: float) -> Proposal:
-        """The same proposal with its applicability scaled by ``weight``."""
+        """Return the same proposal with its applicability multiplied by ``weight``."""
         if weight == 1.0:
             return self
         degree = weight * self.applicability
@@ -146,9 +146,9 @@ class Proposal(Frozen):
 
 @dataclass(frozen=True, slots=True)
 class Command(Frozen):
-    """The fused command: ``twist``, the leading behaviour, and its reason.
+    """The fused command: ``twist``, the name of the leading behaviour, and its reason.
 
-    ``emergency`` makes LOCOM brake fully. ``weights`` gives each behaviour's share.
+    ``emergency`` makes LOCOM brake fully. ``weights`` gives each behaviour's share by name.
     """
 
     time: float

@@ -24,7 +24,7 @@ def read_only(array: ArrayT) -> ArrayT:
 
 
 def immutable(value: Any) -> Any:
-    """``value`` with its arrays, mappings, lists and sets replaced by immutable copies."""
+    """Return ``value`` with its arrays, mappings, lists and sets replaced by immutable copies."""
     kind = type(value)
     if kind in _LEAVES:
         return value
@@ -60,7 +60,7 @@ class Frozen:
 
 
 class Sealed:
-    """A base of classes whose ``__init__`` ends with ``_seal()``: no attribute can be set then."""
+    """Base class of read-only objects: ``_seal()``, last in ``__init__``, forbids assignments."""
 
     _sealed = False
 

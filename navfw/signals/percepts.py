@@ -17,7 +17,7 @@ from navfw.signals.immutability import Frozen
 
 @dataclass(frozen=True, slots=True)
 class OccupiedDisc:
-    """A round piece of floor that is occupied: centre (x, y) in odom and radius [m]."""
+    """A round piece of occupied floor: centre (x, y) [m] in ``odom`` and radius [m]."""
 
     x: float
     y: float
@@ -30,8 +30,8 @@ class Conflicts(Frozen):
 
     ``distance`` [m] is the distance at closest approach, rim to rim, within the horizon; negative
     for an overlap. ``time`` [s] is the time until closest approach, or until contact. ``approach``
-    [m] is by how much the command brings the robot nearer to a moving obstacle close by within a
-    moment, if that obstacle stood. ``nearest`` [m] is the present distance of the nearest one.
+    [m] is how much nearer the command brings the robot, within a moment, to a moving obstacle close
+    by, if that stood still. ``nearest`` [m] is the present distance of the nearest one.
     """
 
     distance: Array
@@ -59,15 +59,15 @@ class Sight(IntEnum):
     """How well the camera shows the floor of the path ahead."""
 
     NOTHING = 0
-    """Next to nothing of it is seen."""
+    """The camera sees next to nothing of it."""
     LITTLE = 1
-    """So little is seen that only floor observed as such is free."""
+    """The camera sees so little of it that only floor observed as floor counts as free."""
     ENOUGH = 2
-    """It is seen, or there is no judgement yet."""
+    """The camera sees it, or there is no judgement yet."""
 
     @property
     def trouble(self) -> str:
-        """What a person should know about it; empty where it is good."""
+        """Message to a person if the camera sees too little; empty for ``ENOUGH``."""
         if self is Sight.ENOUGH:
             return ""
         seen = self.name.lower()
@@ -78,11 +78,11 @@ class Sight(IntEnum):
 class MovingObject(Frozen):
     """A detection of an object that moves by itself, at ``time`` [s].
 
-    ``bearing`` [rad from ahead, left positive] and half the angular ``width`` [rad] are seen from
-    the camera; ``distance`` [m] is that of the foot point on the floor. The velocity over the
-    floor, along base_link's axes (ahead, left), is in information form: ``information`` (2, 2)
-    [s^2/m^2] is the inverse covariance, singular where it is not observable, ``evidence`` (2,)
-    [s/m] its product with the velocity.
+    ``bearing`` [rad from ahead, left positive] and ``width`` [rad], half the angle that the object
+    covers, are seen from the camera; ``distance`` [m] is that of the foot point on the floor. The
+    velocity over the floor, along base_link's axes (ahead, left), is in information form:
+    ``information`` (2, 2) [s^2/m^2] is the inverse covariance, singular if the velocity is not
+    observable, ``evidence`` (2,) [s/m] its product with the velocity.
     """
 
     time: float
@@ -93,7 +93,7 @@ class MovingObject(Frozen):
     evidence: Array
 
     def velocity(self, usual: float = 0.4) -> tuple[float, float]:
-        """(ahead, left) [m/s] under a prior of zero mean and sigma ``usual`` [m/s] per axis."""
+        """Estimate (ahead, left) [m/s] with a prior of mean 0, sigma ``usual`` [m/s] per axis."""
         prior = np.eye(2) / usual**2
         (xx, xy), (_, yy) = (self.information + prior).tolist()
         x, y = self.evidence.tolist()
@@ -105,17 +105,17 @@ class MovingObject(Frozen):
 class Percept(Frozen):
     """OFFIS' interpretation of one flow field (paper sec 4 and 5).
 
-    Metric part, arrays (rows, cols) on the flow's grid: ``nearness`` [1/m], ``sigma`` [1/m],
-    ``confidence`` in [0, 1] and ``height`` [m above floor] of the seen point; ``points`` as in
-    FlowField. ``label`` (rows, cols) int8: the values of ``Label``. Without
-    translation no depth is observable (``sees_depth`` is false).
+    Metric part, arrays (rows, cols) on the flow's grid: ``nearness`` [1/m] with standard deviation
+    ``sigma`` [1/m], ``confidence`` in [0, 1], ``height`` [m above floor] of the seen point and
+    ``label`` (int8, values of ``Label``); ``points`` as in FlowField. Without translation no depth
+    is observable (``sees_depth`` is false).
 
-    Fuzzy part: ``obstacles`` names per layer the region(s) of the nearest object with their
-    distance term; ``quadrants`` holds for each of P1..P4 (counter-clockwise from the upper right)
-    the degrees of near / middle / far; ``planes`` those of P1-P2, P2-P3, P3-P4, P4-P1 being one;
-    ``slopes`` the slope code of the left and right plane; ``situations`` the degree of each
-    elementary situation of Table 1, among them door, corridor, corner, wall, left wall, right wall,
-    unknown; ``sentence`` the paper's report. ``explanation`` is plain data: which rules fired.
+    Fuzzy part, degrees in [0, 1]: ``obstacles`` names per layer the region(s) of the nearest object
+    with their distance term; ``quadrants`` holds for each of P1..P4 (counter-clockwise from the
+    upper right) the degrees of near, middle and far; ``planes`` those to which P1-P2, P2-P3, P3-P4,
+    P4-P1 show one plane; ``slopes`` the slope codes of the left and right plane; ``situations`` the
+    degrees of the elementary situations of Table 1; ``floor_in_front`` that of free floor ahead;
+    ``sentence`` the paper's report. ``explanation`` is plain data: the rules that fired.
     """
 
     time: float
@@ -136,11 +136,11 @@ class Percept(Frozen):
 
     @property
     def sees_depth(self) -> bool:
-        """Whether any cell knows its nearness."""
+        """Whether the nearness of any cell is known."""
         return bool(self.confidence.any())
 
     def explain(self) -> dict[str, Any]:
-        """The explanation as plain data, made on request: rules that fired, strengths, inputs."""
+        """Return the sentence, and the inputs and fired rules of all inferences, as plain data."""
         return {"sentence": self.sentence, **self.explanation}
 
 
@@ -148,9 +148,9 @@ class Percept(Frozen):
 class Stixels(Frozen):
     """The nearest upright obstacle in each image column (stixel), at ``time`` [s].
 
-    Arrays (n,), by column: ``slope`` [m/m] is the advance of the ray to the left per metre ahead,
-    ``nearness`` [1/m] the inverse of the distance ahead of the camera, ``sigma`` [1/m] one standard
-    deviation, ``confidence`` in [0, 1] is 0 where no obstacle is known.
+    Arrays (n,), by column: ``slope`` [m/m] is how far the column's ray goes to the left per metre
+    ahead, ``nearness`` [1/m] the inverse of the distance ahead of the camera, ``sigma`` [1/m] its
+    standard deviation, ``confidence`` in [0, 1] is 0 where no obstacle is known.
     """
 
     time: float
@@ -160,7 +160,7 @@ class Stixels(Frozen):
     confidence: Array
 
     def explain(self) -> list[dict[str, float]]:
-        """The stixels with any confidence, from left to right, as plain data."""
+        """Return the stixels of confidence above 0, in the order of the columns, as plain data."""
         return [
             {
                 "bearing_deg": math.degrees(math.atan(slope)),

@@ -28,7 +28,7 @@ class Frame(Frozen):
 class Inertial:
     """Rate gyro: angular velocity [rad/s] about base_link x, y, z (roll, pitch, yaw rate).
 
-    Each is the mean since the last reading. Those of a gyro with one axis are NaN for the others.
+    Each rate is the mean since the last reading; NaN for an axis that the gyro does not measure.
     """
 
     time: float
@@ -39,7 +39,7 @@ class Inertial:
 
 @dataclass(frozen=True, slots=True)
 class Encoders:
-    """Wheel encoders: ticks counted since power-on, signed, forward positive."""
+    """Wheel encoders: signed ticks since power-on, increasing while the wheel rolls forward."""
 
     time: float
     left: int
@@ -48,9 +48,9 @@ class Encoders:
 
 @dataclass(frozen=True, slots=True)
 class SensorReading:
-    """All sensor readings of one control tick; ``frame`` only when the camera delivered one.
+    """All sensor readings of one control tick; ``frame`` is None when the camera delivered none.
 
-    ``landmark_frame`` is a larger image at a lower rate for landmark recognition, when configured.
+    ``landmark_frame`` is a larger image at a lower rate for landmark recognition, if configured.
     """
 
     time: float
@@ -66,11 +66,11 @@ class Odometry:
 
     ``still`` is true while neither wheel has turned for a moment: then the gyro's bias is estimated
     (``yaw_bias`` [rad/s], already removed from the pose and twist). ``silent`` is true while the
-    encoders do not follow the commanded wheel speeds, so that the distance driven is a guess.
-    ``gyro_stale`` is true while the wheels stand in for a gyro without a fresh reading,
-    ``by_floor`` while the distance driven is measured by the floor's motion in the images;
-    ``doubt`` is why that is not believed, or empty. ``pitch`` [rad], nose down, is that of a body
-    that rocks, ``rocking`` [rad] its amplitude; both are 0 of one that does not.
+    encoders do not follow the commanded wheel speeds, so that the distance driven is a guess;
+    ``gyro_stale`` while the yaw rate is the wheels', for want of a fresh gyro reading; ``by_floor``
+    while the distance driven is measured by the floor's motion in the images. ``doubt`` says why
+    the floor's motion is not used, or is empty. ``pitch`` [rad], nose down, is that of a body that
+    rocks, ``rocking`` [rad] its amplitude; both are 0 for a body that does not rock.
     """
 
     time: float
@@ -106,13 +106,13 @@ class CameraMotion(Frozen):
 
     @property
     def baseline(self) -> float:
-        """Length of the translation [m]."""
+        """Length [m] of the translation."""
         return math.sqrt(product(self.translation, self.translation))
 
 
 @dataclass(frozen=True, slots=True)
 class FramePair:
-    """Two frames over a useful baseline, with the camera's motion between them."""
+    """Two frames with enough translation between them to measure flow, and the camera's motion."""
 
     past: Frame
     now: Frame
@@ -121,10 +121,10 @@ class FramePair:
 
 @dataclass(frozen=True, slots=True)
 class YawCorrection:
-    """Yaw that the flow found beside the measured ``motion`` of one pair of frames.
+    """An error that the flow found in the yaw of the measured ``motion`` of one pair of frames.
 
-    ``yaw`` and ``sigma`` [rad]: the robot turned by ``yaw`` more, counter-clockwise, than
-    ``motion`` has it. The stack applies it to the odometer.
+    The robot turned by ``yaw`` [rad] more, counter-clockwise, than ``motion`` has it; ``sigma``
+    [rad] is the standard deviation. The stack applies it to the odometer.
     """
 
     yaw: float
@@ -137,13 +137,13 @@ class FlowField(Frozen):
     """Optical flow on a regular sparse grid over the CURRENT image (paper sec 3).
 
     ``points`` (rows, cols, 2) [px, relative to the principal point] are the grid points in the
-    current image; ``vectors`` (rows, cols, 2) [px] say how far each imaged point came since the
+    current image; ``vectors`` (rows, cols, 2) [px] are the shifts of the imaged points since the
     past frame (``now - past``: forward motion makes vectors point away from the focus of
     expansion). ``confidence`` (rows, cols) in [0, 1]; 0 means the vector says nothing. ``sigma``
-    (rows, cols) [px] is one standard deviation of a vector's components. ``derotated`` says
-    whether the part due to camera rotation has been removed. ``inconsistency`` (rows, cols) in
-    [0, 1], if known: the confidence of a vector whose epipolar residual no static point explains,
-    0 elsewhere.
+    (rows, cols) [px] is the standard deviation of each component of a vector. ``derotated`` is true
+    if the part due to camera rotation has been removed. ``inconsistency`` (rows, cols) in [0, 1],
+    if known: the confidence of a vector whose epipolar residual no static point explains, 0
+    elsewhere.
     """
 
     time: float
@@ -157,5 +157,5 @@ class FlowField(Frozen):
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(rows, cols) of the grid."""
+        """Size (rows, cols) of the grid."""
         return self.confidence.shape[0], self.confidence.shape[1]
