@@ -8,10 +8,10 @@ import numba
 
 from navfw.numerics import Array
 
-_ROUNDING = 1e-9
+_ROUNDING = 1e-9  # chosen
 """By how much a degree may exceed 1: sums and products of degrees round."""
 
-_ASYMMETRY = 1e-6
+_ASYMMETRY = 1e-6  # chosen
 """Largest asymmetry of a covariance, relative to its largest entry or to 1."""
 
 

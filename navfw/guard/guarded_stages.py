@@ -38,7 +38,7 @@ from navfw.topomap import TopoMap
 
 PluginT = TypeVar("PluginT", bound=interfaces.Plugin)
 
-_UNKNOWN_POSITION = 1e3
+_UNKNOWN_POSITION = 1e3  # chosen
 """Standard deviation [m, rad] of a belief without any answer of the localizer."""
 
 

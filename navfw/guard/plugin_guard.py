@@ -19,10 +19,10 @@ from navfw.process.interruption import check_interrupted
 from navfw.process.watchdog import PluginTimeout, Watchdog
 from navfw.robot import RobotModel
 
-_FRAMES = 50
+_FRAMES = 50  # chosen
 """Number of calls, from the innermost outwards, in which the plugin's own code is looked for."""
 
-_MAX_LINE = 100
+_MAX_LINE = 100  # chosen
 """Length of the text of a line [characters]."""
 
 _GUARD, _PACKAGE = Path(__file__).parents[:2]
@@ -56,24 +56,24 @@ def _is_own(file: str) -> bool:
     return not file.startswith(_LIBRARIES) and not file.startswith("<")
 
 
-FIRST_LIMIT = 60.0
+FIRST_LIMIT = 60.0  # chosen
 """Wall time limit of a plugin's first call in a run [s], and of all up to the first decision: they
 may load kernels and libraries."""
 
-LIMIT = 10.0
+LIMIT = 10.0  # chosen
 """Wall time limit of every other call [s]: some ten thousand times the usual run time."""
 
-SUSPENSION, MAX_SUSPENSION = 0.5, 16.0
+SUSPENSION, MAX_SUSPENSION = 0.5, 16.0  # chosen
 """Simulated time [s] for which a plugin is not called after its first time-out, doubled each time,
 and its bound."""
 
-MAX_FAILURE_RATE = 0.1
+MAX_FAILURE_RATE = 0.1  # chosen
 """Share of its calls in which a plugin may fail before that counts against the run."""
 
-_MAX_ERROR = 300
+_MAX_ERROR = 300  # chosen
 """Length of the error of a fault [characters]."""
 
-_MAX_FAULTS = 1000
+_MAX_FAULTS = 1000  # chosen
 """Number of kinds of faults kept: a plugin may give a new error at every call."""
 
 AnswerT = TypeVar("AnswerT")

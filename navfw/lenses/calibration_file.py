@@ -17,7 +17,7 @@ from navfw.errors import InputError, did_you_mean
 from navfw.lenses.lens_models import ARCTAN, FISHEYE, CameraCalibration
 from navfw.numerics import Array
 
-_COUNTS: dict[str, tuple[int, ...]] = {
+_COUNTS: dict[str, tuple[int, ...]] = {  # defined
     "plumb_bob": (0, 4, 5),
     "rational_polynomial": (0, 4, 5, 8, 12, 14),
     FISHEYE: (0, 4),
@@ -47,7 +47,7 @@ _HEIGHT = ("image_height", "height", "imageHeight")
 _SIZE = ("image_size", "imageSize", "resolution")
 _MODEL = ("distortion_model", "camera_model", "model")
 _FISHEYE_FLAG = ("fisheye_model", "fisheye")
-_MAX_SIDE = 20_000
+_MAX_SIDE = 20_000  # chosen
 """Longest side of an image [px]."""
 
 

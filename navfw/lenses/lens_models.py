@@ -25,17 +25,17 @@ FISHEYE = "equidistant"
 """Model of lenses of any field of view (Kannala and Brandt): OpenCV's module ``fisheye``."""
 ARCTAN = "arctan"
 """Model with one coefficient, the curvature, which can be estimated from images."""
-CURVATURES = (-0.6, 1.6)
+CURVATURES = (-0.6, 1.6)  # chosen
 """Least and largest curvature."""
 
-_MAX_ANGLE = 1.4
+_MAX_ANGLE = 1.4  # derived
 """Largest ``c`` times radius [rad] that is straightened: beyond it the image is stretched by more
 than 5."""
 
-_UNTIL = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-7)
+_UNTIL = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-7)  # chosen
 """When the search for a ray ends: number of steps, and error [px]."""
 
-_STRAIGHT = 1e-6
+_STRAIGHT = 1e-6  # derived
 """Curvature below which the lens is a pinhole up to rounding."""
 
 
@@ -178,14 +178,14 @@ class CameraCalibration:
         return self.coefficients if self.coefficients.size else np.zeros(4)
 
 
-_MAX_VIEW = math.radians(120.0)
+_MAX_VIEW = math.radians(120.0)  # chosen
 """Largest horizontal and vertical field of view of the result [rad]: beyond, a pinhole image shows
 little but stretched pixels of the rim."""
-_MIN_VIEW = math.radians(15.0)
-_MARGIN = 64.0
+_MIN_VIEW = math.radians(15.0)  # chosen
+_MARGIN = 64.0  # chosen
 """How far [px] outside of the image the map of ``distort`` points at most."""
-_STEPS = 33  # number of points on each side of the image's border
-_SEARCHES = 30  # halvings in the search for the focal length
+_STEPS = 33  # chosen: number of points on each side of the image's border
+_SEARCHES = 30  # chosen: halvings in the search for the focal length
 
 
 class Undistortion:

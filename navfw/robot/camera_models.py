@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 Rate = Annotated[float, Field(ge=0.1, le=60.0)]
 """Rate of frames [Hz]; a slower camera sees nothing in time, a faster one is not simulated."""
 
-_WORKING_WIDTH = 160
+_WORKING_WIDTH = 160  # defined
 """Least width [px] of the images that flow and perception work on: the paper's."""
 
 
-CELLS = 16, 12
+CELLS = 16, 12  # chosen
 """Columns and rows of the usual grid of flow vectors."""
 
 

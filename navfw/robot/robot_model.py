@@ -20,11 +20,11 @@ GyroSigma = Annotated[float, Field(ge=0.0, le=1.0)]
 
 JointNames = Annotated[tuple[str, ...], Field(min_length=1, max_length=10)]
 
-_RADIUS = 0.18
+_RADIUS = 0.18  # chosen
 """Radius of the default robot [m]."""
-_RIM_INSET = 0.2
+_RIM_INSET = 0.2  # chosen
 """Distance of the centres of the discs along a footprint's rim from it, in half widths."""
-_MAX_LENS_ANGLE = math.radians(110.0)
+_MAX_LENS_ANGLE = math.radians(110.0)  # chosen
 """Largest half angle of view [rad]: fisheye lenses reach 220 degrees in all."""
 
 

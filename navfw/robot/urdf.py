@@ -32,7 +32,7 @@ _PACKAGE, _FILE = "package://", "file://"
 _MOVABLE = ("revolute", "continuous", "prismatic")
 """Types of joints that a motor moves or holds."""
 _KINDS = (*_MOVABLE, "fixed")
-_ONE_TRIANGLE = 84 + 50
+_ONE_TRIANGLE = 84 + 50  # defined
 """Length of a binary STL file with one triangle [bytes]."""
 
 

@@ -17,9 +17,9 @@ from navfw.numerics.products import product
 from navfw.robot import CameraModel, DrivenUrdf, RobotModel
 from navfw.robot.urdf import UrdfModel, read_urdf
 
-ACROSS = 0.99
+ACROSS = 0.99  # chosen
 """Least absolute component of a wheel joint's unit axis to the side of the body."""
-_RADIUS_TOLERANCE = 0.02
+_RADIUS_TOLERANCE = 0.02  # chosen
 """Largest difference between a wheel's radius and its collision shape's, share of the radius."""
 
 

@@ -32,18 +32,18 @@ from navfw.robot.urdf import (
 )
 from navfw.robot.urdf_drive import ACROSS, axis_across
 
-_DENSITY = 1000.0
+_DENSITY = 1000.0  # derived
 """Density [kg/m^3] of the cube that stands for a link without a shape: that of water."""
 
-_ROOM, _WIDE_ROOM = 1.5, 3.0
+_ROOM, _WIDE_ROOM = 1.5, 3.0  # chosen
 """Factors on the reach of a link's collision shapes, of which more may be seen, and on the size of
 the robot for one without a shape or with a mesh."""
 
-_MIN_MOMENT, _NEGLIGIBLE = 1e-3, 1e-3
+_MIN_MOMENT, _NEGLIGIBLE = 1e-3, 1e-3  # chosen
 """Least principal moment as a part of the box's, a rod's about its own axis; and a moment that does
 not matter, as a part of the robot's mass times its squared size."""
 
-_ROUNDING = 1.02
+_ROUNDING = 1.02  # derived
 """Largest principal moment over the sum of the others, which it cannot exceed but by rounding."""
 
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
@@ -95,11 +95,11 @@ def impossible_inertias(
 
 _SENSORS = ("camera", "depth", "rgbd_camera")
 """Types of Gazebo's sensors that give images, by preference."""
-_SKID = {"side_friction": 0.2, "skid": 0.08}
+_SKID = {"side_friction": 0.2, "skid": 0.08}  # measured
 """What a body with two or more wheels on a side gets: the figures measured for Husky."""
-_DIFFERENT = 0.02
+_DIFFERENT = 0.02  # chosen
 """Share by which a value of the robot file differs from the URDF's before it is told."""
-_PLACES = 6
+_PLACES = 6  # chosen
 
 
 def measured(model: UrdfModel, said: dict[str, Any]) -> dict[str, Any]:

@@ -29,9 +29,9 @@ from navfw.config.input_file import (
 from navfw.config.lookup import package_folders
 from navfw.errors import ConfigError
 
-_SECONDS = 20
+_SECONDS = 20  # measured
 """Longest time that an expansion takes [s]; that of a big robot takes 2 s."""
-_MEMORY = 2_000_000_000
+_MEMORY = 2_000_000_000  # chosen
 """Most memory that it takes [bytes]."""
 _ALLOWED = (
     *(ast.Expression, ast.Constant, ast.Name, ast.Load, ast.Attribute, ast.Subscript, ast.Slice),

@@ -12,10 +12,10 @@ import numpy as np
 
 from navfw.numerics import Array, Mask
 
-_EXACT = 1.0
+_EXACT = 1.0  # chosen
 """Distances up to this [m] are exact: they decide on doors and free widths."""
 
-_MAX_COLUMN = 1.5
+_MAX_COLUMN = 1.5  # chosen
 """Largest width and depth [m] of a column: a free-standing obstacle that makes no rooms."""
 
 
@@ -92,16 +92,16 @@ class ClearanceGrid:
         return clearances
 
 
-_SPUR = 1.6
+_SPUR = 1.6  # chosen
 """Largest length of a spur into a corner, over the clearance where it branches off."""
 
 Cell = tuple[int, int]
 
-_EDGES = ((-1, 0), (0, 1), (1, 0), (0, -1))
-_CORNERS = ((-1, -1), (-1, 1), (1, 1), (1, -1))
+_EDGES = ((-1, 0), (0, 1), (1, 0), (0, -1))  # defined
+_CORNERS = ((-1, -1), (-1, 1), (1, 1), (1, -1))  # defined
 
 
-_BITS = 1 << np.arange(8)
+_BITS = 1 << np.arange(8)  # defined
 """The weights of a cell's neighbours in its code, clockwise from the one above."""
 
 

@@ -88,7 +88,7 @@ class Landmark:
         return f"{self.kind}-{self.id}"
 
 
-_LENGTH_ROUNDING = 0.005
+_LENGTH_ROUNDING = 0.005  # chosen
 """Tolerance [m] of a length below the straight distance: map files round to two decimals."""
 
 KeyPath: TypeAlias = tuple[str | int, ...]

@@ -25,15 +25,15 @@ from navfw.signals import LandmarkDetection, Odometry, Pose, wrap_angle
 from navfw.topomap.elements import Landmark
 from navfw.topomap.topological_map import TopoMap
 
-_HUBER = 2.0
-_ITERATIONS = 12
-_STEP_SHARE, _STEP_FLOOR = 0.02, 0.004
+_HUBER = 2.0  # chosen
+_ITERATIONS = 12  # chosen
+_STEP_SHARE, _STEP_FLOOR = 0.02, 0.004  # chosen
 """Standard deviation of an odometry increment's length: share of it, and floor [m]."""
-_TURN_SHARE, _TURN_FLOOR = 0.01, 0.004
+_TURN_SHARE, _TURN_FLOOR = 0.01, 0.004  # chosen
 """Standard deviation of an odometry increment's turn: share of it, and floor [rad]."""
-_MAX_POSES = 600
+_MAX_POSES = 600  # chosen
 """Poses in the graph: beyond this number they are thinned out, as the cost grows with the cube."""
-_DEFAULT_HEIGHT = 0.35
+_DEFAULT_HEIGHT = 0.35  # chosen
 """Height [m] given to landmarks that are not in the map yet: detections do not measure it."""
 
 

@@ -24,25 +24,25 @@ from navfw.topomap.shortcuts import spanner
 from navfw.topomap.topological_map import TopoMap
 
 Point = tuple[float, float]
-MARGIN = 0.07
+MARGIN = 0.07  # chosen
 """Clearance [m] that passages keep beyond the robot's radius."""
 
-MERGE_DISTANCE = 0.6
+MERGE_DISTANCE = 0.6  # chosen
 """Places nearer than this [m] are merged, where the straight line between them is free."""
 
-_MIN_ROOM_AREA = 2.5
+_MIN_ROOM_AREA = 2.5  # chosen
 """Least area [m^2] on both sides of a door."""
 
-SPACING = 2.0
+SPACING = 2.0  # chosen
 """Points of one region that are no doors, nor beside one, have at least this distance [m]."""
 
-_WIDE_SPACING = 1.5
+_WIDE_SPACING = 1.5  # chosen
 """In wide ground their distance is at least this many times the clearance."""
 
-_DETOUR_RATIO = 1.5
+_DETOUR_RATIO = 1.5  # chosen
 """Length of a line over its straight distance from which it leads round an obstacle."""
 
-_ENOUGH_CLEARANCE = 0.45
+_ENOUGH_CLEARANCE = 0.45  # chosen
 """Clearance [m] that always suffices for a straight passage."""
 
 

@@ -21,19 +21,19 @@ MapProblemKind = Literal[
 Clearances = Callable[[Array], Array]
 """Distances [m] of points (N, 2) in ``map`` to the nearest solid; negative inside one."""
 
-_SAME_POINT = 0.05
+_SAME_POINT = 0.05  # chosen
 """Distance [m] below which two places count as duplicates."""
 
-STRAIGHT = 1.02
+STRAIGHT = 1.02  # chosen
 """Length over straight distance beyond which a passage is curved, its course unknown, and its
 clearance not checked."""
 
-_WIDTH_ROUNDING = 0.05
+_WIDTH_ROUNDING = 0.05  # chosen
 """Tolerance [m] of a passage's width in the map above its free width in the world."""
 
-STEP = 0.02
+STEP = 0.02  # chosen
 """Spacing of the points at which a passage's clearance is checked [m]."""
-_MAX_POINTS = 1_000_000
+_MAX_POINTS = 1_000_000  # chosen
 """Largest number of points of a passage: beyond 20 km they are farther apart."""
 
 

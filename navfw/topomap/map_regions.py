@@ -16,23 +16,23 @@ import numpy as np
 from navfw.numerics import Array
 from navfw.topomap.clearance_grid import ClearanceGrid
 
-DOOR_WIDTH = 1.5
+DOOR_WIDTH = 1.5  # chosen
 """Largest width of a door [m]."""
 
-BEFORE_DOOR = 0.8
+BEFORE_DOOR = 0.8  # chosen
 """Distance [m] from a door to the places before and behind it."""
 
-_DOOR_DEPTH = 1.7
+_DOOR_DEPTH = 1.7  # derived
 """Largest distance [m] between the points before and behind a door where it has become wider: a
 door of 1.5 m in a wall of 1 m. A gap that is longer is a corridor."""
 
-_WIDER = 0.06
+_WIDER = 0.06  # chosen
 """Clearance [m] gained in front of a door: it opens into wider ground."""
 
-_JAMB_REACH = 0.15
+_JAMB_REACH = 0.15  # chosen
 """Jambs lie at most this much [m] farther than the nearest obstacle on both sides of a door."""
 
-_SQUARE = math.radians(8.0)
+_SQUARE = math.radians(8.0)  # chosen
 """A door whose direction is within this angle [rad] of an axis is taken to be along the axis."""
 
 Point = tuple[float, float]
@@ -127,16 +127,16 @@ def _across(right: Array, left: Array) -> tuple[Point, Point]:
 
 Bounds = tuple[float, float, float, float]
 
-_CORRIDOR_RATIO = 4.0
+_CORRIDOR_RATIO = 4.0  # chosen
 """A region whose area exceeds this many times the square of its width is a corridor."""
 
-_CORRIDOR_WIDTH = 3.5
+_CORRIDOR_WIDTH = 3.5  # chosen
 """Largest width [m] of a corridor: what is wider is a hall, however long."""
 
-HALL = 60.0
+HALL = 60.0  # chosen
 """A region that is no corridor and has at least this area [m^2] is a hall."""
 
-SMALL = 1.0
+SMALL = 1.0  # chosen
 """Regions below this area [m^2] are no rooms of their own: niches between solids."""
 
 

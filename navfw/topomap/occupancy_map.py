@@ -33,10 +33,10 @@ from navfw.topomap.mapspec import Coordinate
 
 Cells = npt.NDArray[np.int8]
 
-FREE, OCCUPIED, UNKNOWN = 0, 100, -1
+FREE, OCCUPIED, UNKNOWN = 0, 100, -1  # defined
 """The values of cells, as in ``nav_msgs/OccupancyGrid``."""
 
-MAX_CELLS = 16_000_000
+MAX_CELLS = 16_000_000  # chosen
 """Largest number of cells: 200 x 200 m at 5 cm."""
 
 
@@ -158,10 +158,10 @@ class RosMapSpec(StrictModel):
 IMAGE_SUFFIXES = (".pgm", ".png", ".bmp")
 """Formats of a floor plan's image: without loss, and known to map_server."""
 
-_UNKNOWN_GREY = 205
+_UNKNOWN_GREY = 205  # defined
 """The grey level that map_saver writes for unknown: its occupancy 0.196 is below Nav2's default
 threshold 0.25 for free, and it must not be free all the same."""
-_LEVELS = {FREE: 254, OCCUPIED: 0, UNKNOWN: _UNKNOWN_GREY}
+_LEVELS = {FREE: 254, OCCUPIED: 0, UNKNOWN: _UNKNOWN_GREY}  # defined
 """The grey levels of map_saver by state."""
 
 

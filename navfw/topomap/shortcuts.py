@@ -19,19 +19,19 @@ from scipy.sparse.csgraph import dijkstra
 from navfw.numerics import Array, Mask
 from navfw.topomap.clearance_grid import ClearanceGrid
 
-_STRETCH = 1.05
+_STRETCH = 1.05  # chosen
 """Largest length of a path in the graph, over that of the shortest one with ``_COMFORT``."""
 
-_LAST_STRETCH = 1.2
+_LAST_STRETCH = 1.2  # chosen
 """The same for paths from and to points that are taken only because paths lead over them."""
 
-_HALL_STRETCH = 2.0
+_HALL_STRETCH = 2.0  # chosen
 """The same for paths over a point in a hall that is none of those that matter."""
 
-_COMFORT = 0.45
+_COMFORT = 0.45  # chosen
 """Clearance [m] of lines that are not lines of the given graph."""
 
-_MAX_CORNERS = 600
+_MAX_CORNERS = 600  # chosen
 """Largest number of corners considered: those of the largest obstacles."""
 
 Point = tuple[float, float]
