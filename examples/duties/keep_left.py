@@ -15,7 +15,7 @@ class KeepLeft(Behavior):
     def propose(self, context: Context) -> Proposal:
         """Desire a slight turn; applicability 0 beside the wall, or without one."""
         commands, beside = context.commands, context.ranges.left
-        turn = commands.turning(0.2 * context.robot.max_w)
+        turn = commands.turning(0.3)
         return Proposal(
             applicability=0.3 * float(0.5 < beside < 2.0),
             desirability=commands.product(np.ones(commands.v.size), turn),
