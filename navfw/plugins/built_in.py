@@ -9,10 +9,14 @@ import ast
 import inspect
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from navfw.config.input_file import read_input
 from navfw.config.installed_packages import file_of
 from navfw.errors import ConfigError
+
+DECORATED: dict[tuple[str, str], type[Any]] = {}
+"""The classes decorated with ``plugin`` outside of plugin folders, by module and name."""
 
 BUILT_IN: dict[str, dict[str, str]] = {
     "behavior": {},

@@ -18,6 +18,7 @@ from typing import Any, TypeVar
 from navfw.config.input_file import real_path, shown_path
 from navfw.errors import PluginError, described, did_you_mean
 from navfw.interfaces import Plugin
+from navfw.plugins.built_in import DECORATED
 from navfw.plugins.verification import find_problems, kind_of, verify
 from navfw.process.interruption import check_interrupted
 from navfw.process.watchdog import Watchdog
@@ -27,7 +28,6 @@ IMPORT_LIMIT = 60.0
 
 ClassT = TypeVar("ClassT", bound=type[Any])
 
-_decorated: dict[tuple[str, str], type[Any]] = {}
 # While a file of a plugin folder is imported, its decorated classes are collected here and verified
 # later, so that one invalid class does not prevent the definition of the others.
 _collecting: ContextVar[list[type[Any]] | None] = ContextVar("collecting", default=None)
@@ -46,13 +46,8 @@ def plugin(cls: ClassT) -> ClassT:
         return cls
     verify(cls)
     # by name, so that a class defined again (in a notebook's cell) replaces the former one
-    _decorated[(cls.__module__, cls.__qualname__)] = cls
+    DECORATED[(cls.__module__, cls.__qualname__)] = cls
     return cls
-
-
-def decorated_plugins() -> list[type[Any]]:
-    """The classes decorated with ``plugin`` outside of plugin folders."""
-    return list(_decorated.values())
 
 
 def import_file(file: Path) -> tuple[ModuleType, list[type[Any]]]:

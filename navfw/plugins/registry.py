@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import EntryPoint
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from navfw.config.error_location import parameters_of
 from navfw.config.input_file import real_path, shown_path
@@ -15,11 +15,25 @@ from navfw.config.installed_packages import points_of, source_of
 from navfw.config.lookup import plugin_files, plugin_folders, shipped_folder
 from navfw.config.project_trust import require_trust
 from navfw.errors import InputError, PluginError, UnknownNameError
-from navfw.interfaces import KINDS, Plugin
-from navfw.plugins import plugin_import
-from navfw.plugins.built_in import BUILT_IN, GROUPS, outlined_summary, outlines, summary_of
-from navfw.plugins.simulator_access import access_notes
-from navfw.plugins.verification import kind_of, source_file, verify
+from navfw.plugins.built_in import (
+    BUILT_IN,
+    DECORATED,
+    GROUPS,
+    outlined_summary,
+    outlines,
+    summary_of,
+)
+
+if TYPE_CHECKING:
+    from navfw.interfaces import Plugin
+    from navfw.plugins import plugin_import, simulator_access, verification
+else:  # imported when a plugin is: they need numpy, which a list of plugins does not
+    import lazy_loader
+
+    plugin_import, simulator_access, verification = (
+        lazy_loader.load(f"navfw.plugins.{module}", suppress_warning=True)
+        for module in ("plugin_import", "simulator_access", "verification")
+    )
 
 
 @dataclass
@@ -62,8 +76,12 @@ class Registry:
                 unchanged then.
 
         """
-        verify(cls)
-        self._add(_RegistryEntry(str(kind_of(cls)), cls.name, source or _source(cls), cls=cls))
+        verification.verify(cls)
+        self._add(
+            _RegistryEntry(
+                str(verification.kind_of(cls)), cls.name, source or _source(cls), cls=cls
+            )
+        )
 
     def register_lazily(self, kind: str, name: str, target: str, source: str) -> None:
         """Add the plugin at ``target``, written ``module:Class``; it is imported on first use.
@@ -155,7 +173,7 @@ class Registry:
         entries = [
             e for e in (*self._entries.values(), *self._duplicates) if kind in {None, e.kind}
         ]
-        order = list(KINDS)
+        order = list(BUILT_IN)
         entries.sort(key=lambda e: (order.index(e.kind), e.name))
         return [self._row(entry, parameters=parameters) for entry in entries]
 
@@ -178,7 +196,7 @@ class Registry:
         """Register a class, or record it as broken, under the name ``otherwise`` if it has none."""
         own = cls.__dict__.get("name")
         name = own if isinstance(own, str) else otherwise
-        entry = _RegistryEntry(kind_of(cls) or "behavior", name, source)
+        entry = _RegistryEntry(verification.kind_of(cls) or "behavior", name, source)
         self._attempt(entry, partial(self.register, cls, source))
 
     def _attempt(self, entry: _RegistryEntry, register: Callable[[], None]) -> None:
@@ -232,8 +250,8 @@ class Registry:
             return self._entries.get((entry.kind, entry.name), entry)
         try:
             cls = plugin_import.import_object(entry.target)
-            verify(cls)
-            kind, name = kind_of(cls), getattr(cls, "name", None)
+            verification.verify(cls)
+            kind, name = verification.kind_of(cls), getattr(cls, "name", None)
             if (kind, name) != (entry.kind, entry.name):
                 raise PluginError(
                     f"registered as {entry.kind} {entry.name!r}, but the class is {kind} {name!r}; "
@@ -244,7 +262,7 @@ class Registry:
         except InputError as error:
             entry.error = error
         else:
-            entry.cls = cast(type[Plugin], cls)
+            entry.cls = cast("type[Plugin]", cls)
         return entry
 
     def _row(self, entry: _RegistryEntry, *, parameters: bool) -> dict[str, Any]:
@@ -265,7 +283,7 @@ class Registry:
             "status": "ok" if entry.error is None else "broken",
             "summary": "" if cls is None else summary_of(cls.__doc__),
             "parameters": [p._asdict() for p in parameters_of(cls.Params)] if cls else [],
-            "notes": access_notes(cls) if cls else [],
+            "notes": simulator_access.access_notes(cls) if cls else [],
             "error": None if entry.error is None else str(entry.error),
         }
 
@@ -293,17 +311,17 @@ def default_registry(folders: Iterable[str | Path] = ()) -> Registry:
     for folder in (*plugin_folders(), *folders):
         registry.discover_folder(folder, lazily=folder == shipped)
     registry.discover_entry_points()
-    for cls in plugin_import.decorated_plugins():
+    for cls in DECORATED.values():
         registry._register_class(cls, _source(cls), cls.__name__)
     return registry
 
 
 def check_kind(kind: str) -> None:
     """Raise UnknownNameError, with the nearest kind, unless ``kind`` is a kind of plugin."""
-    if kind not in KINDS:
-        raise UnknownNameError("kind of plugin", kind, KINDS)
+    if kind not in BUILT_IN:
+        raise UnknownNameError("kind of plugin", kind, BUILT_IN)
 
 
 def _source(cls: object) -> str:
-    file = source_file(cls)
+    file = verification.source_file(cls)
     return getattr(cls, "__module__", "code") if file is None else shown_path(file)

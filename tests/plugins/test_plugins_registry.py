@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator
 from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import pytest
 from plugin_rows import broken_rows
@@ -14,8 +15,8 @@ from processes import printed
 from navfw.errors import PluginError, UnknownNameError
 from navfw.features.recognizers import NoFeatures
 from navfw.interfaces import KINDS, Behavior, Plugin
-from navfw.plugins import BUILT_IN, Registry, default_registry, plugin_import
-from navfw.plugins.built_in import GROUPS
+from navfw.plugins import BUILT_IN, Registry, default_registry
+from navfw.plugins.built_in import DECORATED, GROUPS
 from navfw.plugins.plugin_import import plugin
 
 
@@ -62,10 +63,10 @@ def test_unknown_names_get_the_nearest() -> None:
         registry.listing("behaviour")
 
 
-def test_the_decorator_reaches_default_registries(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(plugin_import, "_decorated", {})
-    assert plugin(Mine) is Mine
-    assert default_registry().get("behavior", "mine") is Mine
+def test_the_decorator_reaches_default_registries() -> None:
+    with patch.dict(DECORATED):
+        assert plugin(Mine) is Mine
+        assert default_registry().get("behavior", "mine") is Mine
 
 
 def test_the_decorator_raises_for_an_invalid_class() -> None:
