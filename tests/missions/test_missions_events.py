@@ -222,10 +222,10 @@ def test_a_failing_behaviour_is_recorded_and_fails_again_in_the_replay(tmp_path:
 @pytest.mark.parametrize(
     ("event", "reason"),
     [
-        ("{at: 4, camera: black}", "only dark"),
+        ("{at: 4, camera: black}", "image is dark"),
         ("{at: 4, camera: frozen}", "frozen"),
         ("{at: 4, camera: {dropped: 1}}", "the camera is silent"),
-        ("{at: 4, encoders: {dropout: both}}", "encoders do not answer"),
+        ("{at: 4, encoders: {dropout: both}}", "encoders do not count"),
     ],
 )
 @pytest.mark.slow
