@@ -71,7 +71,7 @@ def turn_point(x: float, y: float, r: Array, focal: float) -> tuple[float, float
 
 @numba.njit(cache=True, error_model="numpy")
 def turn_points(points: Array, r: Array, focal: float) -> Array:
-    """Apply ``turn_point`` to each of ``points`` (n, 2) [px]."""
+    """Rotate the rays of ``points`` (n, 2) [px], floats, by ``r``; NaN where one is behind then."""
     out = np.empty_like(points)
     for i in range(points.shape[0]):
         out[i, 0], out[i, 1] = turn_point(points[i, 0], points[i, 1], r, focal)

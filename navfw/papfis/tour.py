@@ -71,7 +71,7 @@ def waypoints_of(
     """Convert ``route`` to waypoints, the goal last.
 
     A door's width is that of the narrower passage at it. A first place where the route starts is
-    left out, and so is a last place within the goal's tolerance.
+    left out, and so is a last place within the goal's tolerance, unless it is a door.
     """
     places = [topo_map.places[name] for name in route.places]
     kinds = [place.kind for place in places]

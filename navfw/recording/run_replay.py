@@ -162,8 +162,8 @@ def explain_at(folder: str | Path, time: float) -> dict[str, Any]:
     """Why the command in force at ``time`` [s] of a recorded run was given, as plain data.
 
     The proposal of each behaviour for it, the rules that fired with their strengths, and the inputs
-    and results of OFFIS (``Stack.explain``); ``complete`` is False if the recording ends before its
-    run did.
+    and results of OFFIS (``Stack.explain``). Only if the recording ends before its run did is there
+    a key ``complete``, which is False.
 
     Raises:
         InputError: the folder is not that of a run with ``--record``, or is damaged; or no command

@@ -256,9 +256,9 @@ class DriveNode:
         self._stack.start(self._options.start, self._options.goals)
 
     def advance(self, seconds: float) -> str:
-        """Take in what comes within ``seconds`` [s], and do the tick that is due.
+        """Wait up to ``seconds`` [s] for messages, and do all ticks that are due; after ``begin``.
 
-        How a single drive has ended, in a sentence; nothing while it goes on.
+        Returns how a drive with ``once`` ended, in a sentence; else, and while held, no text.
         """
         self._node.spin(seconds)
         began, readings = time.monotonic(), list(self._due())

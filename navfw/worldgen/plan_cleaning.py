@@ -29,11 +29,11 @@ _Labels = npt.NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True)
 class CleanedPlan:
-    """A plan without noise, and the piece of its free ground in which a robot drives.
+    """A plan without noise, and the piece of its free ground in which the default robot drives.
 
-    ``plan`` has all ground connected with it, ``ground`` not what the robot does not fit through
-    to. ``pieces`` are all of the plan, first the one taken, then the largest: area [m^2] and
-    widest point [m].
+    ``plan`` has all ground connected with it, ``ground`` not the pieces behind passages that are
+    too narrow for the robot. ``pieces`` are all, the one taken first, then by falling area: area
+    [m^2], and the point (x, y) [m] where it is widest.
     """
 
     plan: OccupancyMap
