@@ -44,7 +44,7 @@ class GoToXY(RuledBehavior):
         verdict = self.rules.evaluate(bearing=bearing, distance=min(remaining, 2.0))
         return Proposal(
             applicability=self.params.weight,
-            desirability=verdict.command(context.commands),
+            desirability=verdict.command(context.commands, crisp_turn=True),
             prohibition=nothing,
             reason=f"{context.waypoint.label} is {context.waypoint_distance:.1f} m away, "
             f"local goal at {bearing:+.0f} deg",

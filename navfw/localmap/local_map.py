@@ -28,6 +28,7 @@ from navfw.signals import (
     PassageReport,
     Percept,
     Pose,
+    SightLines,
     Stixels,
     Twist,
 )
@@ -78,6 +79,11 @@ _MIN_SPEED, _MAX_TURN = 0.15, 0.4  # chosen
 
 _COVERED = 1.5  # chosen
 """Distance [m] up to which the map says that something stands on the end of a leg."""
+
+_LINES_TO, _SPACING = 6.0, 0.25  # chosen
+"""Largest distance [m] of points on the route to which straight lines lead, and their spacing."""
+_SHARES = np.linspace(0.0, 1.0, 61)[1:]  # chosen
+"""Shares of a straight line at which it is checked."""
 
 
 class DropMap:
@@ -311,7 +317,32 @@ class LocalMap:
         drops = (pose.to_local(*point) for point in self.drops.points())
         covered = (query.end for query in asked if self._covers(query.end, pose, belief))
         in_map = tuple(belief.pose.to_parent(*drop) for drop in drops)
-        return PassageReport(time, passages, in_map, tuple(covered))
+        lines = self._sight_lines(asked, pose, belief)
+        return PassageReport(time, passages, in_map, tuple(covered), lines)
+
+    def _sight_lines(
+        self, legs: Sequence[PassageQuery], pose: Pose, belief: Belief
+    ) -> SightLines | None:
+        """Look along straight lines from odom ``pose`` to points on all ``legs`` but the first."""
+        ends, indices = [], []
+        for i, leg in enumerate(legs[1:], 1):
+            count = max(round(math.dist(leg.start, leg.end) / _SPACING), 1)
+            along = np.linspace(leg.start, leg.end, count + 1)[1:]
+            near = along[np.hypot(*(along - (belief.pose.x, belief.pose.y)).T) <= _LINES_TO]
+            ends.append(near)
+            indices.append(np.full(len(near), i))
+        if belief.sigma > MAX_SIGMA or not sum(map(len, ends)):
+            return None
+        grid, points = self.occupancy, np.concatenate(ends)
+        to = pose.points_to_parent(belief.pose.points_to_local(points))
+        start = np.array((pose.x, pose.y))
+        line = start + _SHARES[:, None] * (to - start)[:, None]
+        cells = np.rint((line - grid.origin) / grid.params.cell).astype(np.intp)
+        inside = np.all((cells >= 0) & (cells < grid.size), axis=-1)
+        columns, rows = np.moveaxis(np.clip(cells, 0, grid.size - 1), -1, 0)
+        clearance = np.where(inside, grid.clearance[rows, columns], grid.params.extent)
+        observed = inside & (grid.observed[rows, columns] > 0)
+        return SightLines(points, np.concatenate(indices), clearance - grid.robot.radius, observed)
 
     def _covers(self, end: tuple[float, float], pose: Pose, belief: Belief) -> bool:
         """Return whether something near stands on ``end`` [m, map]: the body has no room there."""

@@ -52,7 +52,8 @@ class RunMetrics:
     the time from the first 0.1 m to the neighbourhood of the last goal. Clearances are from the
     robot's body to the nearest object. ``distance_to_goal_m`` is that of the true position,
     ``estimate_error_m`` the position error of the stack's belief at the end. ``stage_ms`` is
-    computing time per camera frame; it alone varies between runs of the same seed.
+    computing time per camera frame; it alone varies between runs of the same seed. ``why_slower``
+    are the shares of time of what kept the robot below its top speed, largest first.
     """
 
     estimate_error_p50_m: float | None
@@ -75,6 +76,7 @@ class RunMetrics:
     mean_speed_m_s: float
     emergencies: int
     route_changes: int
+    why_slower: Mapping[str, float] = field(default_factory=dict)
     stage_ms: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -188,7 +190,6 @@ def measure(
     durations = np.diff(time, append=time[-1])
     duration = float(log.time[-1] - log.time[0]) if log.ticks else 0.0
     length = path_length(true)
-    longest = max(length, shortest)
     return RunMetrics(
         estimate_error_p50_m=p50,
         estimate_error_p95_m=p95,
@@ -199,7 +200,7 @@ def measure(
         landmark_updates=log.updates,
         path_length_m=length,
         shortest_path_m=shortest,
-        spl=shortest / longest if succeeded and longest > 0.0 else float(succeeded),
+        spl=_spl(succeeded, shortest, length),
         traversal_s=traversal_time(log, start, goal, within),
         collisions=len(first_contacts(log.contacts)),
         min_clearance_m=float(clearance.min()),
@@ -210,8 +211,22 @@ def measure(
         mean_speed_m_s=length / duration if duration > 0.0 else 0.0,
         emergencies=int((np.diff(log.emergency.astype(np.int8), prepend=0) == 1).sum()),
         route_changes=log.route_changes,
+        why_slower=_shares_of_time(log),
         stage_ms=dict(stage_ms or {}),
     )
+
+
+def _spl(succeeded: bool, shortest: float, length: float) -> float:
+    """Success times shortest over driven length [m], at most 1."""
+    longest = max(length, shortest)
+    return shortest / longest if succeeded and longest > 0.0 else float(succeeded)
+
+
+def _shares_of_time(log: RunLog) -> dict[str, float]:
+    """Shares of the run's ticks of each reason why the robot was slower than its top speed."""
+    counts = np.bincount(log.slower, minlength=len(log.slowers)) / max(log.ticks, 1)
+    shares = zip(log.slowers, counts.tolist(), strict=True)
+    return dict(sorted((s for s in shares if s[0]), key=lambda share: -share[1]))
 
 
 def _clearances(

@@ -238,6 +238,7 @@ class MissionLoop:
             belief=state.belief,
             sight=state.sight,
             vetoed=bool(state.veto),
+            slower=state.slower,
         )
         self.logger.add_waypoints(state.path)
 

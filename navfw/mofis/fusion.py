@@ -98,6 +98,18 @@ def _forward_excluded(context: Context, forbidden: Mask) -> bool:
     return bool(forbidden[context.commands.forward_rows].all())
 
 
+def _up_to_the_top(row: float, peaks: Array, best: float, level: float) -> float:
+    """Move the centroid's ``row`` by how much the region goes on beyond the top speed.
+
+    Speeds end where the desires for them do not, so the centroid of a region at the end would never
+    be the top speed. ``peaks`` (n_v,) are the region's largest values: if the last is the largest
+    of all, ``best``, the region counts as symmetric about it; at ``level`` of that as ending there.
+    """
+    top = peaks.size - 1
+    beyond = max(float(peaks[top]) / best - level, 0.0) / (1.0 - level)
+    return top - (top - row) * (1.0 - beyond) / (1.0 + beyond)
+
+
 class FuzzyFusion(Fusion):
     """Blends desires by applicability, removes prohibitions, takes the centroid of one region.
 
@@ -167,6 +179,7 @@ class FuzzyFusion(Fusion):
         inside = np.where(chosen, support, 0.0)
         weight = inside.sum()
         row = product(np.arange(support.shape[0]), inside.sum(axis=1)) / weight
+        row = _up_to_the_top(row, inside.max(axis=1), best, self.params.level)
         column = product(np.arange(support.shape[1]), inside.sum(axis=0)) / weight
         if forbidden[round(row), round(column)]:
             return best_of(inside)  # the centroid of a concave region may lie outside it

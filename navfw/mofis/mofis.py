@@ -18,6 +18,7 @@ from navfw.guard.answers import items, mapping, nothing, number, text
 from navfw.guard.stage_answers import check_command, check_proposal, check_weights
 from navfw.interfaces import Behavior, Composite, Fusion, Plugin
 from navfw.localmap import Arcs, LocalGoal, LocalMap, Ranges
+from navfw.mofis.fusion import CUT
 from navfw.robot import RobotModel
 
 MOVING = 0.08  # chosen
@@ -209,6 +210,30 @@ class Mofis:
             flow=inputs.flow,
             conflicts=inputs.conflicts,
         )
+
+    @property
+    def slower(self) -> str:
+        """Behaviour, and its strongest rule, that kept the last command below the top speed.
+
+        That is the one that prohibits the top speed at the command's turning rate, or else the one
+        that prefers the command's speed to it the most. Empty without a command, or at top speed.
+        """
+        if self._previous is None or not self.proposals:
+            return ""
+        (row, column), top = self.commands.nearest(self._previous.twist), self.commands.v.size - 1
+        if row == top:
+            return ""
+        barred = {name: p.prohibition[top, column] for name, p in self.proposals.items()}
+        name = max(barred, key=barred.__getitem__)
+        if barred[name] <= CUT:
+            losses = {
+                name: p.applicability * (p.desirability[row, column] - p.desirability[top, column])
+                for name, p in self.proposals.items()
+            }
+            name, top = max(losses, key=losses.__getitem__), row
+        rules = _rules(self.guard, f"behavior {name}", self.proposals[name].explain, top, column)
+        about = [r["rule"] for r in rules if "speed IS" in r["rule"]] or [r["rule"] for r in rules]
+        return f"{name}: {about[0]}" if about else name
 
     def _weigh(self, context: Context) -> Mapping[str, float]:
         """Ask the composite for each primitive's weight; empty if it fails or there is none."""

@@ -71,15 +71,19 @@ class Verdict:
         result: Array = _cut_and_joined(self._rules.terms(output, values), cut)
         return result
 
-    def command(self, commands: CommandGrid) -> Array:
+    def command(self, commands: CommandGrid, *, crisp_turn: bool = False) -> Array:
         """Multiply the sets of the outputs ``speed`` and ``turn`` to desirability (n_v, n_w).
 
         It is scaled to a maximum of 1: only the applicability weighs against other behaviours.
         Between two terms both sets are cut low; without the scaling a behaviour would there be
         outweighed by behaviours without a preference.
+
+        With ``crisp_turn`` the set of turns is a triangle about the crisp turn: between two terms
+        the turn changes with the inputs, where the joined set keeps to the stronger term's peak.
         """
         speed = self.over("speed", commands.relative_v)
-        turn = self.over("turn", commands.relative_w)
+        crisp = commands.turning(self.value("turn")) if crisp_turn else None
+        turn = self.over("turn", commands.relative_w) if crisp is None else crisp
         desired = commands.product(speed, turn)
         return desired / max(float(desired.max()), 1e-3)
 

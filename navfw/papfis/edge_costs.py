@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from navfw.fuzzy import CompiledFis, Inference, load_rule_base
+from navfw.fuzzy import CompiledFis, Inference, RuleBase, load_rule_base
 from navfw.numerics import Array, Mask
 from navfw.numerics.products import product
 from navfw.robot import RobotModel
@@ -78,6 +78,10 @@ class EdgeCosts:
     def factor(self, passage: Passage) -> float:
         """Return the passage's cost divided by its length: at least 1."""
         return self.of(passage) / passage.length
+
+    def narrowness(self, clearance: Array) -> Array:
+        """Return to which degree ``clearance`` [m] is "narrow" in the rules; of its shape."""
+        return np.asarray(_rules().inputs["clearance"].terms["narrow"](clearance))
 
     def close(self, passage: Passage, barrier: float | None = None) -> None:
         """Make a passage impassable, at ``barrier`` [m from its place ``a``] if that is known."""
@@ -164,9 +168,14 @@ def inputs_of(passages: Sequence[Passage], robot: RobotModel) -> dict[str, Array
 
 
 @functools.cache
+def _rules() -> RuleBase:
+    return load_rule_base(RULE_BASE)
+
+
+@functools.cache
 def _inference() -> tuple[CompiledFis, Array]:
     """Build the inference system; return it and the peak of each rule's penalty term (rules,)."""
-    rule_base = load_rule_base(RULE_BASE)
+    rule_base = _rules()
     penalty = rule_base.outputs["penalty"]
     peaks = {}
     for term in penalty.terms:

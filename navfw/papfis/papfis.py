@@ -264,6 +264,7 @@ class Papfis(Planner):
         if self._report is not None:
             changed |= self._blockages.update(self._report, belief.time)
             self._tour.pass_over(self._report.covered, self._at)
+            self._tour.pull(self._report.lines, self._at)
             self._report = None
         self._tour.replan_if_changed(self._at, changed)
         most = self.params.max_goal_sigma

@@ -11,7 +11,8 @@ from itertools import pairwise
 from navfw.errors import MapError
 from navfw.papfis.access import AT_PLACE
 from navfw.papfis.routes import Endpoint, Route, Router, first_names
-from navfw.signals import PassageQuery, Waypoint
+from navfw.papfis.string_pulling import StringPuller
+from navfw.signals import PassageQuery, SightLines, Waypoint
 from navfw.topomap import Passage, TopoMap
 
 Point = tuple[float, float]
@@ -167,8 +168,10 @@ def _unit(x: float, y: float) -> Point | None:
 
 _MAX_COVERED = 2  # chosen
 """Reports in a row of something on a waypoint, before it is passed over."""
-_QUERY_RANGE = 2.5  # chosen
-"""Distance along the path up to which passages are queried [m] (METHOD 4.3)."""
+_QUERY_RANGE = 6.0  # chosen
+"""Distance along the path up to which legs are queried [m]."""
+_VIA_LASTS = 4  # chosen
+"""Reports without a straight line after which the robot heads for the next place again."""
 
 
 class Tour:
@@ -202,6 +205,9 @@ class Tour:
         self._ahead: list[Waypoint] = []
         self._came_from: Point = (0.0, 0.0)
         self._covered = 0
+        self._puller = StringPuller(router, router.costs.robot_width / 2.0)
+        self._via: Waypoint | None = None
+        self._before_via = self._via_reports = 0
         self.route: Route | None = None
         self.replans = 0
         self.no_route_reason: str | None = None
@@ -254,6 +260,35 @@ class Tour:
             self._advance(1, at)
             self._came_from = at
 
+    def pull(self, lines: SightLines | None, at: Point) -> None:
+        """Head for the farthest point of the route to which a straight line of ``lines`` leads.
+
+        No line leads beyond a door in which the body has to be straight, or the place before it.
+        """
+        if not self._ahead:
+            return
+        last = 0
+        for waypoint, after in pairwise(self._ahead):
+            if self._is_tight(waypoint) or self._is_tight(after):
+                break
+            last += 1
+        farthest = None if lines is None else self._puller.farthest(lines, at, self._ahead, last)
+        if farthest is None:
+            self._via_reports += 1
+            if self._via_reports >= _VIA_LASTS:
+                self._via, self._before_via = None, 0
+            return
+        self._before_via, (x, y) = farthest
+        end, self._via_reports = self._ahead[self._before_via], 0
+        if math.dist((x, y), (end.x, end.y)) > AT_PLACE:
+            tolerance = self._passing.open
+            end = replace(end, x=x, y=y, tolerance=tolerance, kind="waypoint", final=False)
+        self._via, self._via_from = end, at
+
+    def _is_tight(self, waypoint: Waypoint) -> bool:
+        free = 0.5 * waypoint.width - self._passing.body
+        return waypoint.kind == "door" and free <= _FULL_TOLERANCE_CLEARANCE
+
     def next_waypoint(self, at: Point, *, sure: bool = True) -> Waypoint | None:
         """Return the waypoint to drive to from ``at`` (x, y) [m]; None past the last goal.
 
@@ -270,9 +305,13 @@ class Tour:
             self._follow(self.router.route(Endpoint(*at), self._endpoint(self._goals[0])), at)
         elif self._is_off_path(at):
             self._replan(at)
+        via = self._via
+        if via is not None and not via.final and math.dist(at, (via.x, via.y)) <= via.tolerance:
+            self._advance(self._before_via, at)
+            self._via, self._before_via = None, 0
         while self._ahead and (passed := self._passed(at, sure)):
             self._advance(passed, at)
-        return self._ahead[0] if self._ahead else None
+        return self._via or (self._ahead[0] if self._ahead else None)
 
     def _passed(self, at: Point, sure: bool) -> int:
         """Count the waypoints passed: all up to the last one within its tolerance.
@@ -290,12 +329,18 @@ class Tour:
                 break
         if count == 0 and (sure or not self._ahead[0].final):
             after = next(iter(self._ahead[1:]), None)
-            count = int(has_passed(at, self._came_from, self._ahead[0], after, self._passing))
+            passing = replace(self._passing, reach=math.inf) if self._before_via else self._passing
+            count = int(has_passed(at, self._came_from, self._ahead[0], after, passing))
         return count
 
     def _advance(self, count: int, at: Point) -> None:
+        if count == 0:
+            return
         last = self._ahead[count - 1]
         del self._ahead[:count]
+        self._before_via -= count
+        if self._before_via < 0:
+            self._via, self._before_via = None, 0
         self._came_from = (last.x, last.y)
         self._covered = 0
         if last.final:
@@ -322,6 +367,7 @@ class Tour:
         self.route = route
         self._ahead = self._waypoints(route, self._goals[0])
         self._came_from = at
+        self._via, self._before_via = None, 0
         self.no_route_reason = None
 
     def _closed_on_route(self) -> str | None:
@@ -334,8 +380,10 @@ class Tour:
         return f"the only route to {self._goals[0].label} is closed: {first_names(named, 3)}"
 
     def _is_off_path(self, at: Point) -> bool:
-        end = self._ahead[0]
-        return distance_to_leg(at, self._came_from, (end.x, end.y)) > self._replan_distance
+        end, start = self._ahead[0], self._came_from
+        if self._via is not None:
+            end, start = self._via, self._via_from
+        return distance_to_leg(at, start, (end.x, end.y)) > self._replan_distance
 
     def _waypoints(self, route: Route, goal: Waypoint) -> list[Waypoint]:
         return waypoints_of(route, goal, self.router.topo_map, self._passing)

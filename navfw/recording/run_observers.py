@@ -26,7 +26,7 @@ from navfw.signals import Belief, Pose, SensorReading, Sight, Twist, Waypoint
 if TYPE_CHECKING:
     import pandas
 
-_COLUMNS, _MARKS = 10, 4
+_COLUMNS, _MARKS = 10, 5
 """Columns of the rows that ``RunLogger`` collects: numbers, and marks."""
 
 
@@ -62,7 +62,8 @@ class RunLog:
     of the leading behaviours. ``emergency`` (n,) marks ticks with an emergency command.
     ``waypoints`` are the planner's, in order. ``confidence`` (n,) in [0, 1] is that of the belief,
     0 while it is lost (None: not recorded). ``sight`` (n,) has the values of ``signals.Sight``.
-    ``vetoed`` (n,) marks ticks in which the safety monitor held the robot. ``updates`` is the
+    ``vetoed`` (n,) marks ticks in which the safety monitor held the robot. ``slower`` (n,) indexes
+    ``slowers``, what kept the robot below its top speed, "" at top speed. ``updates`` is the
     number of landmark detections that the localiser used, ``route_changes`` how often the places
     ahead were not those that were left of the route before.
     """
@@ -76,6 +77,8 @@ class RunLog:
     sight: npt.NDArray[np.int8]
     vetoed: npt.NDArray[np.bool_]
     leaders: tuple[str, ...]
+    slower: npt.NDArray[np.int16] = field(default_factory=lambda: np.zeros(0, np.int16))
+    slowers: tuple[str, ...] = ()
     contacts: tuple[Contact, ...] = ()
     waypoints: tuple[Waypoint, ...] = ()
     confidence: Array | None = None
@@ -137,6 +140,7 @@ class RunLogger:
     _rows: array[float] = field(init=False, default_factory=lambda: array("d"))
     _marks: array[int] = field(init=False, default_factory=lambda: array("h"))
     _leaders: dict[str, int] = field(init=False, default_factory=dict)
+    _slowers: dict[str, int] = field(init=False, default_factory=dict)
     _updates: int = field(init=False, default=0)
     _ahead: tuple[str, ...] = field(init=False, default=())
     _route_changes: int = field(init=False, default=0)
@@ -158,6 +162,7 @@ class RunLogger:
         belief: Belief | None = None,
         sight: Sight = Sight.ENOUGH,
         vetoed: bool = False,
+        slower: str = "",
     ) -> None:
         """Add one control tick; ``belief``, if given, has the confidence of ``estimate``."""
         lost = belief is not None and belief.lost
@@ -166,7 +171,8 @@ class RunLogger:
         number = self._leaders.setdefault(leader, len(self._leaders))
         poses = true.x, true.y, true.yaw, estimate.x, estimate.y, estimate.yaw
         self._rows.extend((time, *poses, twist.v, twist.w, confidence))
-        self._marks.extend((number, emergency, sight, vetoed))
+        bound = self._slowers.setdefault(slower, len(self._slowers))
+        self._marks.extend((number, emergency, sight, vetoed, bound))
 
     def add_waypoints(self, waypoints: tuple[Waypoint, ...]) -> None:
         """Add the planner's waypoints ahead; waypoints already in the log are not repeated."""
@@ -194,6 +200,8 @@ class RunLogger:
             waypoints=tuple(self._waypoints.values()),
             confidence=rows[:, 9],
             vetoed=marks[:, 3].astype(np.bool_),
+            slower=marks[:, 4],
+            slowers=tuple(self._slowers),
             updates=self._updates,
             route_changes=self._route_changes,
         )

@@ -6,6 +6,7 @@ from .decisions import PassageQuery as PassageQuery
 from .decisions import PassageReport as PassageReport
 from .decisions import PassageStatus as PassageStatus
 from .decisions import Proposal as Proposal
+from .decisions import SightLines as SightLines
 from .decisions import Waypoint as Waypoint
 from .geometry import Pose as Pose
 from .geometry import Twist as Twist

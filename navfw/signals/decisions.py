@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, Self
 
-from navfw.numerics.arrays import Array
+from navfw.numerics.arrays import Array, Indices, Mask
 from navfw.signals.geometry import Pose, Twist, position_sigma
 from navfw.signals.immutability import Frozen
 
@@ -99,19 +99,36 @@ PassageStatus = Literal["open", "closed", "unknown"]
 
 
 @dataclass(frozen=True, slots=True)
+class SightLines(Frozen):
+    """What the local map knows of straight lines from the robot to points ahead on the route.
+
+    ``ends`` (m, 2) [m, map] lie on the legs of these indices ``legs`` (m,), in their order. At n
+    equally spaced points of each line, the last at its end, ``clearance`` (m, n) [m] is from the
+    body's rim to the nearest occupied cell, and ``observed`` (m, n) says if the floor was seen.
+    """
+
+    ends: Array
+    legs: Indices
+    clearance: Array
+    observed: Mask
+
+
+@dataclass(frozen=True, slots=True)
 class PassageReport:
     """Whether the route ahead is open, by the local map, for the next few metres (METHOD 4.3).
 
     ``passages`` are the queries that could be judged, in their order: "open" if a path through the
     leg was observed free, "closed" if observed obstacles leave none, "unknown" otherwise. ``drops``
     are points (x, y) [m] in ``map`` where the floor is missing; ``covered`` are ends of legs that
-    are occupied by an obstacle.
+    are occupied by an obstacle; ``lines`` those to points ahead, None while it is not known where
+    the robot is.
     """
 
     time: float
     passages: tuple[tuple[PassageQuery, PassageStatus], ...] = ()
     drops: tuple[tuple[float, float], ...] = ()
     covered: tuple[tuple[float, float], ...] = ()
+    lines: SightLines | None = None
 
 
 Explain = Callable[[int, int], Sequence[Mapping[str, Any]]]

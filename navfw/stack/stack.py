@@ -37,7 +37,7 @@ from navfw.signals import (
     Twist,
     Waypoint,
 )
-from navfw.stack.stack_state import ProgressWatch, StackState
+from navfw.stack.stack_state import ProgressWatch, StackState, why_slower
 from navfw.stack.stackfile import Choice, PluginSource, StackConfig, load_stack
 from navfw.stack.stopwatch import timed
 from navfw.stack.vision import View, Vision, ready_frame, straight_reading
@@ -246,6 +246,7 @@ class Stack:
         waypoint = self._plan(belief)
         finished = waypoint is None and not belief.lost
         command, idle = None, 0.0
+        slower = why_slower(self.state.command, self.verdict, self.mofis)
         if not finished and not self._warming_up(reading.time):
             moving_obstacles = self._map(frame, view, odometry, seen_from.pose, belief)
             inputs = self._inputs(odometry, belief, waypoint, moving_obstacles)
@@ -275,6 +276,7 @@ class Stack:
             stuck=self._progress.give_up_reason,
             veto=veto,
             sight=self.local_map.sight.judgement,
+            slower=slower,
             faults=tuple(str(fault) for fault in self.guard.faults),
             landmark_detections=detections,
             detection_counts=counts,

@@ -11,7 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from navfw import signals
-from navfw.safety import PersistentFailure
+from navfw.mofis.mofis import Mofis
+from navfw.safety import PersistentFailure, SafetyVerdict
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +22,8 @@ class StackState:
     ``flows`` are the newest derotated flow fields; ``stuck`` is why the stack gave up, ``veto`` why
     the safety monitor stops the robot, ``fault`` what has failed for too long, ``faults`` are those
     of plugins. ``unsure``: the estimate is at the goal, but too uncertain to count. ``sight`` is
-    how well the camera shows the path ahead. ``landmark_detections`` are the last frame's, in the
+    how well the camera shows the path ahead, ``slower`` the rule or limit that has kept the robot
+    below its top speed since the last frame. ``landmark_detections`` are the last frame's, in the
     map or not; ``detection_counts`` counts all so far, by identity.
     """
 
@@ -41,10 +43,30 @@ class StackState:
     veto: str = ""
     unsure: bool = False
     sight: signals.Sight = signals.Sight.ENOUGH
+    slower: str = ""
     fault: PersistentFailure | None = None
     faults: tuple[str, ...] = ()
     landmark_detections: tuple[signals.LandmarkDetection, ...] = ()
     detection_counts: Mapping[str, int] = field(default_factory=dict)
+
+
+_FULL_SPEED, _RAMP = 0.95, 0.03  # chosen
+"""Share of the top speed from which it counts as full; lag [m/s] from which the robot speeds up."""
+
+
+def why_slower(command: signals.Command | None, verdict: SafetyVerdict, mofis: Mofis) -> str:
+    """Return what keeps a robot that drives as in ``verdict`` below its top speed; "" at that.
+
+    ``command`` is the last one of ``mofis``, None before the first.
+    """
+    v = verdict.twist.v
+    if command is None:
+        return "standing still for the gyro's bias"
+    if v >= _FULL_SPEED * mofis.commands.max_v:
+        return ""
+    if verdict.reason:
+        return f"safety monitor: {verdict.reason}"
+    return "speeding up" if v < command.twist.v - _RAMP else mofis.slower
 
 
 STUCK_AFTER = 60.0  # chosen

@@ -18,7 +18,7 @@ import re
 import sqlite3
 import sys
 import traceback
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
@@ -98,6 +98,16 @@ def barn_score(succeeded: bool, time: float, path: float) -> float:
     return best / min(max(time, 2.0 * best), 8.0 * best) if best > 0.0 else 0.5
 
 
+def slowest_reasons(why_slower: Mapping[str, float], count: int = 3) -> str:
+    """The first ``count`` reasons with their share of time, as text.
+
+    >>> slowest_reasons({"go_to_xy: IF a THEN b": 0.25, "speeding up": 0.1})
+    '25 % go_to_xy: IF a THEN b; 10 % speeding up'
+    """
+    shares = itertools.islice(why_slower.items(), count)
+    return "; ".join(f"{100.0 * share:.0f} % {reason}" for reason, share in shares)
+
+
 def _sct(run: MissionResult) -> float:
     speed = run.session.mission.spec.robot.max_v
     return sct(run.outcome.succeeded, run.sim_time_s, run.shortest_path_m, speed)
@@ -169,6 +179,7 @@ class RunRow:
     confidently_wrong_s: float | None = _of(lambda run: run.confidently_wrong_s, None)
     emergencies: int | None = _of(lambda run: run.emergencies, None)
     route_changes: int | None = _of(lambda run: run.route_changes, None)
+    why_slower: str = _of(lambda run: slowest_reasons(run.why_slower), "")
     plugin_faults: int | None = _of(lambda run: len(run.objections), None)
     barn_score: float | None = _of(_barn_score, None)
     command_hash: str = _of(lambda run: run.command_hash, "")

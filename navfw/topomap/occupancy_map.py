@@ -94,10 +94,14 @@ class OccupancyMap:
         along_axes = np.stack([columns + 0.5, rows + 0.5], axis=1) * self.resolution
         return self.origin.points_to_parent(along_axes)
 
+    def cells_at(self, points: Array) -> npt.NDArray[np.intp]:
+        """Return the cells (N, 2: row, column) at points (N, 2) [m, map], outside the grid too."""
+        local = self.origin.points_to_local(points)
+        return np.floor(local[:, ::-1] / self.resolution).astype(np.intp)
+
     def state(self, points: Array) -> Cells:
         """Return the states (N,) at points (N, 2) [m, map]; ``UNKNOWN`` outside the grid."""
-        local = self.origin.points_to_local(points)
-        index = np.floor(local[:, ::-1] / self.resolution).astype(np.intp)  # row, column
+        index = self.cells_at(points)
         inside = np.all((index >= 0) & (index < self.cells.shape), axis=1)
         states = np.full(len(points), UNKNOWN, dtype=np.int8)
         states[inside] = self.cells[index[inside, 0], index[inside, 1]]

@@ -9,13 +9,13 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 LIMITS = {
-    "navfw/, lines of Python": 65293,
-    "navfw/, lines of stubs": 255,
+    "navfw/, lines of Python": 65793,
+    "navfw/, lines of stubs": 260,
     "navfw/, lines of scripts, pages, styles and templates": 1746,
     "behaviors/, lines of Python": 1553,
     "examples/, lines of Python": 647,
     "benchmarks/, lines of Python, pages and stubs": 7310,
-    "tests/, lines of Python": 44537,
+    "tests/, lines of Python": 45100,
     "docs/, words": 42427,
     "README.md, words": 900,
     "pyproject.toml, lines": 303,

@@ -50,6 +50,22 @@ def bump(v: float, w: float, width: float = 0.15) -> Array:
     return GRID.product(speed, turn)
 
 
+@pytest.mark.parametrize(("wanted", "v"), [(1.0, 0.5), (1.4, 0.5), (0.5, 0.25)])
+def test_who_desires_the_top_speed_or_more_gets_the_top_speed(wanted: float, v: float) -> None:
+    desire = bump(wanted, 0.0, 0.4)
+    command = FuzzyFusion(ROBOT).fuse(context(), {"a": proposal(0.8, desire)})
+    assert command.twist.v == pytest.approx(v, abs=1e-9 if wanted >= 1.0 else 0.02)
+
+
+def test_the_speed_changes_little_with_little_change_of_the_desire() -> None:
+    speeds = [
+        FuzzyFusion(ROBOT).fuse(context(), {"a": proposal(1.0, bump(v, 0.0, 0.4))}).twist.v
+        for v in np.linspace(0.5, 1.2, 141)
+    ]
+    assert np.abs(np.diff(speeds)).max() < 0.03
+    assert (np.diff(speeds) > -0.01).all()
+
+
 @pytest.mark.parametrize("blend", ["sum", "max"])
 @settings(max_examples=40, deadline=None)
 @given(desire=LAYER, prohibit=LAYER, other=LAYER)

@@ -78,10 +78,11 @@ def on_the_way(topo_map: TopoMap, **params: float) -> Drive:
 
 def test_the_planner_queries_the_legs_within_range() -> None:
     drive = Drive(RING)
-    drive.go(0, 0)
-    assert [query.passage for query in drive.papfis.queries] == [("start", "near")]
+    drive.go(-1, 0)
+    legs = [query.passage for query in drive.papfis.queries]
+    assert legs == [("start", "near"), ("near", "far")]
     drive.go(2.0, 0)
-    first, second = drive.papfis.queries
+    first, second, _ = drive.papfis.queries
     assert (first.start, first.end, first.width) == ((2.0, 0.0), (3.0, 0.0), 1.5)
     assert (second.passage, second.start) == (("near", "far"), (3.0, 0.0))
 
