@@ -10,10 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
+from functools import cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
+from navfw.errors import WorldError
 from navfw.missions.mission_events import EventRecord
 from navfw.missions.outcome import Outcome
 from navfw.numerics import Array
@@ -25,6 +28,9 @@ Point = tuple[float, float]
 
 _SAMPLING = 0.1
 """Sampling period [s] of the path; a shorter one would count vibration of the wheels as path."""
+
+_ROOM = 0.15
+"""Distance [m] beside the body that a driver would keep who knows the place."""
 
 _SET_OUT = 0.1
 """Distance from the start [m] at which the BARN challenge starts its clock."""
@@ -48,12 +54,13 @@ class RunMetrics:
     first was both confident and correct; None if it never was. ``confidently_wrong_s`` is the time
     in which it was confident and not correct, ``lost_s`` the time in which it was lost.
 
-    ``spl`` is success times shortest over driven length (Anderson et al. 2018). ``traversal_s`` is
-    the time from the first 0.1 m to the neighbourhood of the last goal. Clearances are from the
-    robot's body to the nearest object. ``distance_to_goal_m`` is that of the true position,
-    ``estimate_error_m`` the position error of the stack's belief at the end. ``stage_ms`` is
-    computing time per camera frame; it alone varies between runs of the same seed. ``why_slower``
-    are the shares of time of what kept the robot below its top speed, largest first.
+    ``shortest_with_room_m`` is the shortest path that leaves 0.15 m beside the body, where there is
+    one. ``spl`` is success times shortest over driven length (Anderson et al. 2018).
+    ``traversal_s`` is the time from the first 0.1 m to the neighbourhood of the last goal.
+    Clearances are from the robot's body to the nearest object. ``distance_to_goal_m`` is that of
+    the true position, ``estimate_error_m`` the position error of the stack's belief at the end.
+    ``stage_ms`` is computing time per camera frame; it alone varies between runs of the same seed.
+    ``why_slower`` are the shares of time of what kept the robot below its top speed, largest first.
     """
 
     estimate_error_p50_m: float | None
@@ -65,6 +72,7 @@ class RunMetrics:
     landmark_updates: int
     path_length_m: float
     shortest_path_m: float
+    shortest_with_room_m: float
     spl: float
     traversal_s: float
     collisions: int
@@ -162,6 +170,7 @@ def measure(
     goal: Point,
     within: float,
     shortest: float,
+    with_room: float,
     discs: Sequence[tuple[float, float, float]],
     succeeded: bool,
     stage_ms: Mapping[str, float] | None = None,
@@ -169,9 +178,9 @@ def measure(
 ) -> RunMetrics:
     """The metrics of a run from ``start`` to ``goal`` by a robot of these ``discs``.
 
-    ``shortest`` [m] is the length of the shortest path through all goals of the mission; the last
-    one counts as reached ``within`` that distance [m]. Clearances are to the static objects in
-    ``plan``, and to those in ``moving`` at their times.
+    ``shortest`` and ``with_room`` [m] are the lengths of the shortest paths through all goals; the
+    last goal counts as reached ``within`` that distance [m]. Clearances are to the static objects
+    in ``plan``, and to those in ``moving`` at their times.
     """
     sampled = log.every(_SAMPLING)
     true = log.true[sampled] if log.ticks else np.array([[*start, 0.0]])
@@ -183,9 +192,7 @@ def measure(
     confidence = np.ones(log.ticks) if log.confidence is None else log.confidence
     confidence = confidence[sampled] if log.ticks else np.zeros(1)
     believed, confident = confidence > 0.0, confidence >= _CONFIDENT
-    p50, p95 = (
-        (float(np.percentile(error[believed], p)) if believed.any() else None) for p in (50.0, 95.0)
-    )
+    p50, p95 = _median_and_p95(error[believed])
     localized = np.flatnonzero(confident & (error <= _CORRECT))
     durations = np.diff(time, append=time[-1])
     duration = float(log.time[-1] - log.time[0]) if log.ticks else 0.0
@@ -200,6 +207,7 @@ def measure(
         landmark_updates=log.updates,
         path_length_m=length,
         shortest_path_m=shortest,
+        shortest_with_room_m=with_room,
         spl=_spl(succeeded, shortest, length),
         traversal_s=traversal_time(log, start, goal, within),
         collisions=len(first_contacts(log.contacts)),
@@ -214,6 +222,29 @@ def measure(
         why_slower=_shares_of_time(log),
         stage_ms=dict(stage_ms or {}),
     )
+
+
+def shortest_with_room(plan: SceneGeometry, points: Sequence[Point], radius: float) -> float:
+    """Length [m] of the shortest path through ``points`` with _ROOM beside a body of ``radius``.
+
+    Between two points without such a path, it is that of the shortest.
+    """
+
+    @cache
+    def leg(start: Point, end: Point) -> float:
+        try:
+            return plan.shortest_path(start, end, radius + _ROOM)[0]
+        except WorldError:
+            return plan.shortest_path(start, end, radius)[0]
+
+    return sum(leg(start, end) for start, end in pairwise(points))
+
+
+def _median_and_p95(errors: Array) -> tuple[float | None, float | None]:
+    """Median and 95th percentile; None without any."""
+    if not errors.size:
+        return None, None
+    return float(np.median(errors)), float(np.percentile(errors, 95.0))
 
 
 def _spl(succeeded: bool, shortest: float, length: float) -> float:

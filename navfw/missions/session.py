@@ -22,7 +22,7 @@ from navfw.missions.oracle import plugins_of, reveal
 from navfw.missions.outcome import MissionVerdict, Outcome
 from navfw.missions.pilot import TickView, Watcher, watcher_of
 from navfw.missions.run_drawing import WindowOverlay, discs_of, outline_of
-from navfw.missions.run_metrics import RunResult, first_contacts, measure
+from navfw.missions.run_metrics import RunResult, first_contacts, measure, shortest_with_room
 from navfw.missions.runner import MissionLoop, Task
 from navfw.plugins.fault_injection import inject_faults
 from navfw.plugins.simulator_access import plugin_files, simulator_users
@@ -43,8 +43,9 @@ from navfw.stack import Stack
 class Session:
     """World, mission and stack of a run, loaded and checked; ``run`` may be called repeatedly.
 
-    ``shortest`` [m] is the length of the shortest path through all goals. If not ``drawn``, images
-    show nothing: for a stack with ``ideal`` flow. If ``coarse``, physics has longer steps.
+    ``shortest`` [m] is the length of the shortest path through all goals, in ``passable``: ``plan``
+    with all doors open. If not ``drawn``, images show nothing: for a stack with ``ideal`` flow. If
+    ``coarse``, physics has longer steps.
     """
 
     world_name: str
@@ -54,6 +55,7 @@ class Session:
     plan: SceneGeometry
     mission: MissionFile
     shortest: float
+    passable: SceneGeometry
     stack_file: Path
     stack: Stack
     overrides: tuple[str, ...] = ()
@@ -256,13 +258,16 @@ class MissionResult(RunResult):
             stages["landmark_frames"] = spent.landmarks
         frames = max(1.0, drive.sim_time * mission.spec.robot.camera.rate)
         permanent = tuple(s for s in session.plan.solids if s.name not in changes.names)
+        start = mission.start.x, mission.start.y
+        points = [start, *((goal.x, goal.y) for goal in mission.goals)]
         metrics = measure(
             log,
             SceneGeometry(session.plan.bounds, permanent),
-            start=(mission.start.x, mission.start.y),
-            goal=(mission.goals[-1].x, mission.goals[-1].y),
+            start=start,
+            goal=points[-1],
             within=mission.spec.success.within,
             shortest=session.shortest,
+            with_room=shortest_with_room(session.passable, points, mission.spec.robot.radius),
             discs=mission.spec.robot.discs,
             succeeded=verdict.outcome.succeeded,
             stage_ms={name: 1e3 * t / frames for name, t in {**stages, **stack.timings}.items()},

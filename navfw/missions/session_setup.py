@@ -163,6 +163,7 @@ def session_of(
         plan=plan,
         mission=mission,
         shortest=shortest,
+        passable=with_all_ways,
         stack_file=stack_file,
         stack=built,
         overrides=overrides,

@@ -89,6 +89,7 @@ _NUMBERS = {
     "sim_time_s": ("time", "s"),
     "path_length_m": ("path", "m"),
     "shortest_path_m": ("shortest path", "m"),
+    "shortest_with_room_m": ("shortest path with 0.15 m beside the body", "m"),
     "min_clearance_m": ("smallest clearance", "m"),
     "mean_speed_m_s": ("mean speed", "m/s"),
     "estimate_error_p95_m": ("error of the position, 95 %", "m"),
@@ -134,6 +135,10 @@ def _numbers(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         if isinstance(value, int | float):
             text = str(value) if isinstance(value, int) else f"{value:.2f}"
             numbers.append((name, f"{text} {unit}".strip()))
+    slower = result.get("why_slower")
+    if isinstance(slower, Mapping) and slower:
+        shares = [f"{100.0 * share:.0f} % {why}" for why, share in slower.items() if share >= 0.01]
+        numbers.append(("below the top speed", "; ".join(shares)))
     return numbers
 
 

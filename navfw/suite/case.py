@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from navfw.errors import InputError
 from navfw.missions.outcome import Cause, Outcome
 from navfw.suite.run_row import RunKey, RunRow
 
@@ -28,6 +29,9 @@ KeptRuns = Literal["all", "failed", "none"]
 """The runs of which something is kept: the picture, or the recording."""
 
 
+_PAIR_STREAM = 0xABC
+"""Spawn key of the random stream that draws the heading at the start of a pair of places."""
+
 _DIFFICULTY_STREAM = 0xD1F
 """Spawn key of the random stream that draws difficulties; other uses of the seed have others."""
 
@@ -46,10 +50,11 @@ class Case:
     """One run: plain data that is sent to a worker process.
 
     Either ``world`` and ``mission`` are files, or ``family``, ``difficulty`` (of a range, the seed
-    draws it), ``contrast``, ``look`` and ``seed`` define a generated world. ``stack`` is a file;
-    empty: the stack named by the mission. ``content`` is the fingerprint of all that the result
-    depends on beside the seed. Of the runs to ``keep`` there is a picture in the folder
-    ``pictures``, of those to ``record`` a recording in the folder beside it.
+    draws it), ``contrast``, ``look`` and ``seed`` define a generated world. With ``pairs`` the seed
+    draws start and goal of the mission. ``stack`` is a file; empty: the stack named by the mission.
+    ``content`` is the fingerprint of all that the result depends on beside the seed. Of the runs to
+    ``keep`` there is a picture in the folder ``pictures``, of those to ``record`` a recording in
+    the folder beside it.
     """
 
     index: int
@@ -63,6 +68,7 @@ class Case:
     look: Look | None = None
     world: str = ""
     mission: str = ""
+    pairs: bool = False
     variant: str = ""
     content: str = ""
     pictures: Path = Path()
@@ -103,18 +109,40 @@ class Case:
 
         stack = self.stack or None
         if not self.family:
+            overrides = (*self.overrides, *self._pair()) if self.pairs else self.overrides
             return session_setup.prepare(
                 self.world,
                 self.mission,
                 seed=self.seed,
                 stack=stack,
-                overrides=self.overrides,
+                overrides=overrides,
                 registry=registry,
             )
         world, mission = self._generated()
         return session_setup.session_of(
             world, mission, self.key.world, self.seed, stack, self.overrides, registry
         )
+
+    def _pair(self) -> tuple[str, ...]:
+        """Start and goal as overrides of the mission: two connected places of its map.
+
+        As many seeds as the map has such pairs draw each of them once.
+        """
+        from navfw.missions.missionfile import load_mission, start_candidates
+        from navfw.missions.session_setup import split_overrides
+
+        for_mission, _ = split_overrides(self.overrides)
+        topo_map = load_mission(Path(self.mission), for_mission).topo_map
+        names = [place.name for place in start_candidates(topo_map, ())]
+        pairs = [(a, b) for a in names for b in names if a != b and b in topo_map.part_of(a)]
+        if not pairs:
+            raise InputError(f"the map {topo_map.name!r} has no two places that are connected")
+        order = np.random.default_rng(len(pairs)).permutation(len(pairs))
+        start, goal = pairs[order[self.seed % len(pairs)]]
+        stream = np.random.SeedSequence(self.seed, spawn_key=(_PAIR_STREAM,))
+        yaw = float(np.random.default_rng(stream).uniform(-np.pi, np.pi))
+        changes = {"start": {"place": start, "yaw": round(yaw, 2)}, "goals": [goal], "events": []}
+        return tuple(f"mission.{key}={json.dumps(value)}" for key, value in changes.items())
 
     def _generated(self) -> tuple[WorldSpec, MissionFile]:
         """The world of ``family`` and ``seed``, and its mission with ``overrides``."""

@@ -166,6 +166,7 @@ class RunRow:
     real_time_factor: float | None = _of(lambda run: run.real_time_factor, None)
     path_length_m: float | None = _of(lambda run: run.path_length_m, None)
     shortest_path_m: float | None = _of(lambda run: run.shortest_path_m, None)
+    shortest_with_room_m: float | None = _of(lambda run: run.shortest_with_room_m, None)
     spl: float | None = _of(lambda run: run.spl, None)
     sct: float | None = _of(_sct, None)
     min_clearance_m: float | None = _of(lambda run: run.min_clearance_m, None)

@@ -73,6 +73,10 @@ class EntrySpec(StrictModel):
         tuple[str, ...] | None,
         Field(min_length=1, description="missions of the world [default: all]"),
     ] = None
+    pairs: Annotated[
+        bool,
+        Field(description="from one place of the missions' map to another; the seed draws which"),
+    ] = False
     worlds: Annotated[
         str | None, Field(description="a folder of worlds; relative to the suite file")
     ] = None
@@ -121,6 +125,8 @@ class EntrySpec(StrictModel):
             raise ValueError("look is for a family of generated worlds without contrast")
         if self.family is not None and self.missions is not None:
             raise ValueError("a generated world has one mission of its own: leave out missions")
+        if self.family is not None and self.pairs:
+            raise ValueError("pairs are for worlds that have missions")
         return self
 
     @property

@@ -259,7 +259,15 @@ def measured(log: RunLog) -> RunMetrics:
     plan = SceneGeometry((-9.0, -9.0, 9.0, 9.0), ())
     place = (0.0, 0.0)
     return measure(
-        log, plan, start=place, goal=place, within=0.5, shortest=1.0, discs=(), succeeded=False
+        log,
+        plan,
+        start=place,
+        goal=place,
+        within=0.5,
+        shortest=1.0,
+        with_room=1.0,
+        discs=(),
+        succeeded=False,
     )
 
 

@@ -17,7 +17,7 @@ from navfw.errors import MapError
 from navfw.guard import PluginCallError
 from navfw.missions import MissionLoop
 from navfw.missions.outcome import Cause, Outcome
-from navfw.missions.run_metrics import RunMetrics, first_contacts, measure
+from navfw.missions.run_metrics import RunMetrics, first_contacts, measure, shortest_with_room
 from navfw.missions.runner import Task
 from navfw.recording.run_observers import Contact, RunLog, RunLogger
 from navfw.robot import RobotModel
@@ -240,6 +240,7 @@ def metrics(
         goal=(3.0, 0.4),
         within=0.5,
         shortest=shortest,
+        with_room=shortest + 0.1,
         discs=((0.0, 0.0, RADIUS),),
         succeeded=succeeded,
         stage_ms={"flow": 1.0},
@@ -257,6 +258,25 @@ def test_a_straight_run_has_the_measured_lengths() -> None:
     assert found.estimate_error_m == pytest.approx(0.2)
     assert found.estimate_error_max_m == pytest.approx(0.2)
     assert (found.collisions, found.emergencies) == (0, 0)
+
+
+def test_the_shares_of_time_below_the_top_speed_are_largest_first() -> None:
+    recorder, pose = RunLogger(), Pose(0.0, 0.0, 0.0)
+    for tick, why in enumerate(["", "", "", "", "", "", "late", "rule", "rule", "rule"]):
+        recorder.add(0.1 * tick, pose, pose, Twist(0.1, 0.0), "go", False, slower=why)
+    assert list(metrics(recorder.log()).why_slower.items()) == [("rule", 0.3), ("late", 0.1)]
+    assert metrics(RunLogger().log(), succeeded=False).why_slower == {}
+
+
+def test_the_shortest_path_with_room_keeps_off_corners_where_it_can() -> None:
+    box = BoxSpec(name="box", at=(0.0, 0.0), size=(1.0, 1.0, 1.0))
+    world = WorldSpec(name="w", x=(-9.0, 9.0), y=(-9.0, 9.0), boxes=(box,))
+    plan, ends = SceneGeometry.from_world(world), ((-2.0, 0.0), (2.0, 0.0))
+    roomy = shortest_with_room(plan, (*ends, ends[0]), RADIUS)
+    assert roomy == pytest.approx(2.0 * plan.shortest_path(*ends, RADIUS + 0.15)[0])
+    # beside a wall there is none: the shortest counts
+    beside = ((-2.0, 0.5 + RADIUS + 0.05), (2.0, 0.5 + RADIUS + 0.05))
+    assert shortest_with_room(plan, beside, RADIUS) >= 4.0
 
 
 def test_the_traversal_lasts_from_the_first_decimetre_to_the_goal_s_neighbourhood() -> None:

@@ -1,5 +1,6 @@
 """Suite files, seeds, entries with events and families; and the errors for wrong ones."""
 
+import json
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -57,6 +58,7 @@ entries:
         ("entries: [{world: a, contrast: 3}]", "contrast is for a family"),
         ("entries: [{family: a, contrast: 61}]", "contrast"),
         ("entries: [{family: a, missions: [x]}]", "leave out missions"),
+        ("entries: [{family: a, pairs: true}]", "pairs are for worlds that have missions"),
         ("entries: [{family: rooms, difficulty: 1.5}]", "difficulty"),
         ("entries: [{family: rooms, difficulty: [0.9, 0.1]}]", "must ascend"),
         ("entries: [{world: a, mision: b}]", "did you mean 'missions'?"),
@@ -239,6 +241,18 @@ def test_the_seed_determines_the_world_and_overrides_apply_to_the_mission(tmp_pa
     assert (session.task.timeout, session.task.robot.max_v) == (7.0, 0.3)
     assert [goal.place for goal in session.mission.goals] == ["end"]
     assert session.shortest == pytest.approx(4.0)
+
+
+def test_the_seeds_drive_every_pair_of_places_once(tmp_path: Path) -> None:
+    entry = "{world: paper-room, missions: [through-the-door], pairs: true}"
+    plan = plan_of(tmp_path, entry, range(156))
+    pairs = [case._pair() for case in plan.cases]
+    drawn = [(json.loads(pair[0].partition("=")[2])["place"], pair[1]) for pair in pairs]
+    assert len(set(drawn)) == len(drawn)
+    assert all(f'["{start}"]' not in goal for start, goal in drawn)
+    session = plan.cases[3].session(default_registry())
+    assert session.mission.goals[0].place in drawn[3][1]
+    assert session.mission.start.yaw == json.loads(pairs[3][0].partition("=")[2])["yaw"]
 
 
 def test_rounds_drops_and_unknown_starts_hold_in_generated_worlds(tmp_path: Path) -> None:

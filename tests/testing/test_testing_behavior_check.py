@@ -293,6 +293,7 @@ def run() -> MissionRun:
         goal=(2.0, 0.0),
         within=0.5,
         shortest=2.0,
+        with_room=2.0,
         discs=((0.0, 0.0, 0.2),),
         succeeded=True,
     )
