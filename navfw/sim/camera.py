@@ -85,8 +85,9 @@ class Camera:
     def set_optics(self, light: float = 1.0, hfov_error: float = 0.0) -> None:
         """Set the share of the light, and the relative error of the field of view."""
         spec = self._light_spec
-        length = math.sqrt(sum_in_order(d * d for d in spec.direction))
-        x, y, z = (d / length for d in spec.direction)
+        direction = (0.0, 0.0, 1.0) if spec.soft else spec.direction
+        length = math.sqrt(sum_in_order(d * d for d in direction))
+        x, y, z = (d / length for d in direction)
         self._light = Light((x, y, z), light * spec.ambient, light * spec.diffuse)
         hfov = min(self.model.hfov * (1.0 + hfov_error), _MAX_VIEW)
         true = self.model.model_copy(update={"hfov": hfov})

@@ -216,9 +216,7 @@ class Display(BulletClient):
         self._faded: set[int] = set()
         self._tall: dict[int, tuple[Array, Array]] = {}
 
-    def add(
-        self, mesh: TexturedMesh, image: Image, position: Sequence[float], turn: Sequence[float]
-    ) -> int:
+    def add(self, mesh: TexturedMesh, image: Image) -> int:
         """Add a body with a texture (height, width, 3), RGB; returns PyBullet's id of it."""
         visual = self._call(
             "createVisualShape",
@@ -226,9 +224,9 @@ class Display(BulletClient):
             specularColor=[0.0, 0.0, 0.0],
             **mesh.arguments,
         )
-        body = int(self._call("createMultiBody", 0.0, -1, visual, position, turn))
+        body = int(self._call("createMultiBody", 0.0, -1, visual))
         self._call("changeVisualShape", body, -1, textureUniqueId=self._texture(image))
-        points = np.array(mesh.vertices).reshape(-1, 3) + np.array(position)
+        points = np.array(mesh.vertices).reshape(-1, 3)
         if self._calm and len(points) and points[:, 2].max() > _TALL:
             self._tall[body] = points.min(axis=0) - 0.1, points.max(axis=0) + 0.1
         return body

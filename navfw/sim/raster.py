@@ -219,15 +219,10 @@ class Raster:
         self._texels = None
         return len(self._images) - 1
 
-    def add(
-        self,
-        mesh: TexturedMesh,
-        texture: int,
-        position: Sequence[float] = (0.0, 0.0, 0.0),
-        turn: Sequence[float] = (0.0, 0.0, 0.0, 1.0),
-    ) -> int:
-        """Add a body at ``position`` [m] with orientation ``turn`` (x, y, z, w); returns its id."""
-        self._bodies[self._next] = _Body(mesh.arrays, texture, _model(position, turn))
+    def add(self, mesh: TexturedMesh, texture: int) -> int:
+        """Add a body whose axes are the map's until it is placed; returns its id."""
+        here = _model((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+        self._bodies[self._next] = _Body(mesh.arrays, texture, here)
         self._packed = self._shown = None
         self._next += 1
         return self._next - 1
@@ -240,8 +235,7 @@ class Raster:
             index = list(self._bodies).index(body)
             first, end = self._packed.runs[index, 2:]
             self._packed.models[index] = moved.model
-            turned = _turned(moved.mesh.normals, moved.model)
-            self._packed.surfaces[first:end, :, :3] = turned[moved.mesh.corners]
+            self._packed.surfaces[first:end, :, :3] = _turned(moved.mesh.normals, moved.model)
 
     def remove(self, body: int) -> None:
         """Remove a body."""
@@ -322,7 +316,7 @@ class Raster:
                 # normal in the map's axes and texture coordinates of every corner
                 surfaces=_joined(
                     [
-                        np.hstack([_turned(b.mesh.normals, b.model), b.mesh.uvs])[b.mesh.corners]
+                        np.concatenate([_turned(b.mesh.normals, b.model), b.mesh.uvs], axis=2)
                         for b in bodies
                     ],
                     (3, 5),
@@ -373,9 +367,9 @@ def _model(position: Sequence[float], turn: Sequence[float]) -> Floats:
 
 
 def _turned(normals: Floats, model: Floats) -> Floats:
-    """Normals (N, 3) in the map's axes: times the inverse transpose, which divides by the scale."""
+    """Normals (..., 3) in the map's axes: times the inverse transpose, which undoes the scale."""
     axes = model[:3, :3]
     axes = axes / (axes[0, 2] * axes[0, 2] + axes[0, 1] * axes[0, 1] + axes[0, 0] * axes[0, 0])
-    x, y, z = normals[:, :1], normals[:, 1:2], normals[:, 2:]
+    x, y, z = normals[..., :1], normals[..., 1:2], normals[..., 2:]
     turned: Floats = z * axes[:, 2] + y * axes[:, 1] + x * axes[:, 0]
     return turned

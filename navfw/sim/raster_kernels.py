@@ -39,12 +39,13 @@ def combine(left: Floats, right: Floats) -> Floats:
 
 
 @numba.njit(cache=True)
-def _transform(matrix: Floats, point: Floats, out: Floats) -> None:
-    """``out`` (3 or 4,) = matrix (4, 4) times (point, 1)."""
-    for i in range(out.size):
-        total = matrix[i, 3] + matrix[i, 2] * point[2]
-        total += matrix[i, 1] * point[1]
-        out[i] = total + matrix[i, 0] * point[0]
+def _transform(matrix: Floats, points: Floats, out: Floats) -> None:
+    """``out`` (n or more, 4) = matrix (4, 4) times each of (points (n, 3), 1)."""
+    for k in range(points.shape[0]):
+        for i in range(4):
+            total = matrix[i, 3] + matrix[i, 2] * points[k, 2]
+            total += matrix[i, 1] * points[k, 1]
+            out[k, i] = total + matrix[i, 0] * points[k, 0]
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -214,20 +215,22 @@ def cover(
     most = 0
     for body in range(runs.shape[0]):
         most = max(most, runs[body, 1] - runs[body, 0])
-    clip, world = np.empty((most, 4), np.float32), np.empty((most, 3), np.float32)
+    clip, near_eye = np.empty((most, 4), np.float32), np.empty(3)
     for body in range(runs.shape[0]):
         if not shown[body]:
             continue
         first = runs[body, 0]
         matrix = combine(projection, combine(view, models[body]))
-        for i in range(runs[body, 1] - first):
-            _transform(matrix, points[first + i], clip[i])
-            _transform(models[body], points[first + i], world[i])
+        _transform(matrix, points[first : runs[body, 1]], clip)
+        for i in range(3):  # the eye in the body's axes
+            near_eye[i] = 0.0
+            for k in range(3):
+                near_eye[i] += models[body, k, i] * (eye[k] - models[body, k, 3])
         for face in range(runs[body, 2], runs[body, 3]):
             a, b, c = corners[face, 0] - first, corners[face, 1] - first, corners[face, 2] - first
-            if _outside_view(clip[a], clip[b], clip[c]):
+            if _outside_view(clip, a, b, c):
                 continue
-            if _faces_eye(world[a], world[b], world[c], eye):
+            if _faces_eye(points, first + a, first + b, first + c, near_eye):
                 _draw_triangle(
                     *(clip[a], clip[b], clip[c], face, near, far),
                     *(nearest, faces, weights, screens[face]),
@@ -235,25 +238,25 @@ def cover(
 
 
 @numba.njit(cache=True)
-def _outside_view(a: Floats, b: Floats, c: Floats) -> bool:
+def _outside_view(clip: Floats, a: int, b: int, c: int) -> bool:
     """Whether a triangle is entirely beyond one border of the image, or behind the camera."""
     left = right = above = below = behind = True
-    for corner in (a, b, c):
-        reach = _BORDER * corner[3]
-        left &= corner[0] < -reach
-        right &= corner[0] > reach
-        above &= corner[1] > reach
-        below &= corner[1] < -reach
-        behind &= corner[3] < _ZERO
+    for i in (a, b, c):  # indices, as views of rows cost more than the test
+        reach = _BORDER * clip[i, 3]
+        left &= clip[i, 0] < -reach
+        right &= clip[i, 0] > reach
+        above &= clip[i, 1] > reach
+        below &= clip[i, 1] < -reach
+        behind &= clip[i, 3] < _ZERO
     return left or right or above or below or behind
 
 
 @numba.njit(cache=True)
-def _faces_eye(a: Floats, b: Floats, c: Floats, eye: Array) -> bool:
-    """Whether the eye is in front of a triangle with these corners in the map. Double precision."""
-    ax, ay, az = np.float64(a[0]), np.float64(a[1]), np.float64(a[2])
-    ux, uy, uz = b[0] - ax, b[1] - ay, b[2] - az
-    vx, vy, vz = c[0] - ax, c[1] - ay, c[2] - az
+def _faces_eye(points: Floats, a: int, b: int, c: int, eye: Array) -> bool:
+    """Whether the eye is in front of a triangle with these corners. Double precision."""
+    ax, ay, az = np.float64(points[a, 0]), np.float64(points[a, 1]), np.float64(points[a, 2])
+    ux, uy, uz = points[b, 0] - ax, points[b, 1] - ay, points[b, 2] - az
+    vx, vy, vz = points[c, 0] - ax, points[c, 1] - ay, points[c, 2] - az
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
     return bool((ax - eye[0]) * nx + (ay - eye[1]) * ny + (az - eye[2]) * nz < 0.0)
 

@@ -15,18 +15,21 @@ from navfw.meshes.furniture_meshes import furniture_mesh
 from navfw.numerics import Array, Image
 from navfw.signals import Pose
 from navfw.sim import textures
-from navfw.sim.engine import Display, quaternion
+from navfw.sim.engine import Display
 from navfw.sim.raster import Raster
 from navfw.sim.shapes import Rectangle
+from navfw.sim.soft_light import SoftLight
 from navfw.sim.solids import Solid, solids_of
 from navfw.sim.surface_patches import (
+    STRETCHED,
+    SurfacePatch,
     drop_patches,
     floor_patches,
     merged_parts,
     plate_bounds,
     plate_mesh,
     solid_mesh,
-    solid_patch,
+    solid_patches,
     texture_shift,
     wall_patches,
 )
@@ -34,11 +37,10 @@ from navfw.sim.textured_mesh import TexturedMesh, cylinder_mesh, triangle_mesh
 from navfw.sim.visibility import PartBounds, Visibility
 from navfw.sim.worldspec import TextureSpec, WalkerSpec, WorldSpec
 
-_MAX_SINGLE = 24
-"""With more boxes and cylinders than this, they are merged by texture and area."""
 _KEPT_WORLDS = 8
 """Number of worlds whose surfaces are kept, up to 5 MB each: one for each of some environments."""
-_known_surfaces: dict[str, tuple[tuple[str, TexturedMesh, PartBounds], ...]] = {}
+_Parts = tuple[tuple[str, TexturedMesh, PartBounds], ...]
+_known_surfaces: dict[str, _Parts] = {}
 _COVER_DISTANCE = 0.003
 """Distance [m] of a textureless cover from the surface that it hides."""
 
@@ -58,31 +60,26 @@ class Scenery:
         self._textures: dict[str, int] = {}
         self._periods: dict[int, tuple[float, float]] = {}
         self._images: list[Image] = []
-        solids = solids_of(world)
-        furniture = [s for s in solids if s.kind in ("box", "cylinder")]
+        self._light = SoftLight(world)
         self._bodies: list[int] = []
         bounds: list[PartBounds] = []
         # roughly front to back: surfaces drawn later are then seldom visible, and not shaded
         for mark in world.landmarks:
             grey = plate_image(mark.kind, mark.id)
             plate = self._load_image(np.repeat(grey[..., None], 3, axis=2))
-            self._bodies.append(self._add(plate_mesh(mark), plate))
+            self._bodies.append(self._add(self._light.lit(plate_mesh(mark)), plate))
             bounds.append(plate_bounds(mark))
         for thing in world.meshes:
             triangles = furniture_mesh(thing.file, thing.scale, thing.up)
             visible = triangle_mesh(triangles.corners, texture_shift(thing.name))
-            place = (*thing.at, thing.base)
-            self._bodies.append(self._add(visible, thing.texture, place, thing.yaw))
+            placed = visible.placed((*thing.at, thing.base), thing.yaw)
+            self._bodies.append(self._add(self._light.lit(placed), thing.texture))
             points = Pose(*thing.at, thing.yaw).points_to_parent(triangles.vertices[:, :2])
             bounds.append(PartBounds.around(points))
-        if len(furniture) <= _MAX_SINGLE:
-            for solid in furniture:
-                self._bodies.append(self.add_solid(solid))
-                bounds.append(PartBounds(solid.shape.corners))
-        for texture, mesh, part_bounds in _surfaces(world):
+        for texture, mesh, part_bounds in _surfaces(world, self._light):
             self._bodies.append(self._add(mesh, texture))
             bounds.append(part_bounds)
-        self._visibility = _visibility(world, solids, bounds)
+        self._visibility = _visibility(world, bounds)
         self._visible = np.ones(len(bounds), np.bool_)
 
     def update_visible(self, eye: Array, middle: float, half: float) -> None:
@@ -98,13 +95,16 @@ class Scenery:
             self._visible = visible
 
     def add_solid(self, solid: Solid) -> int:
-        """Add a solid as a body of its own; returns the body."""
-        return self._add(solid_mesh(solid), solid.texture, solid.centre, solid.shape.yaw)
+        """Add a solid as a body of its own, all of it with its front if any; returns the body."""
+        mesh, texture = solid_mesh(solid), solid.texture
+        if solid.front:
+            mesh, texture = mesh.stretched(), f"{STRETCHED}{solid.front}"
+        return self._add(self._light.lit(mesh.placed(solid.centre, solid.shape.yaw)), texture)
 
     def add_walker(self, walker: WalkerSpec) -> int:
         """Add a walker's cylinder at the origin; ``place`` moves it. Returns the body."""
         mesh = cylinder_mesh(walker.radius, walker.height, texture_shift(walker.name))
-        return self._add(mesh, walker.texture)
+        return self._add(self._light.lit(mesh, alone=True), walker.texture)
 
     def add_cover(self, solids: Sequence[Solid], brightness: float) -> int:
         """Cover ``solids`` with a textureless surface [grey levels]; returns its body.
@@ -113,10 +113,11 @@ class Scenery:
         """
         mesh = TexturedMesh()
         for solid in solids:
-            mesh.add_mesh(solid_mesh(solid, _COVER_DISTANCE), solid.centre, solid.shape.yaw)
+            mesh.append(solid_mesh(solid, _COVER_DISTANCE).placed(solid.centre, solid.shape.yaw))
         if not solids:
             mesh = TexturedMesh.without_area()
-        return self._add(mesh, self._load(TextureSpec(contrast=0.0, brightness=brightness)))
+        plain = TextureSpec(contrast=0.0, brightness=brightness)
+        return self._add(self._light.lit(mesh), self._load(plain))
 
     def place(self, body: int, position: Sequence[float], turn: Sequence[float]) -> None:
         """Set a body's position [m] and orientation (x, y, z, w)."""
@@ -130,25 +131,22 @@ class Scenery:
         if self._display is not None:
             self._display.remove(self._displayed.pop(body))
 
-    def _add(
-        self,
-        mesh: TexturedMesh,
-        texture: str | int,
-        position: tuple[float, float, float] = (0.0, 0.0, 0.0),
-        yaw: float = 0.0,
-    ) -> int:
-        turn = quaternion(yaw)
+    def _add(self, mesh: TexturedMesh, texture: str | int) -> int:
         index = self._texture(texture) if isinstance(texture, str) else texture
         if index in self._periods:
             mesh = mesh.with_period(*self._periods[index])
-        body = self.raster.add(mesh, index, position, turn)
+        body = self.raster.add(mesh, index)
         if self._display is not None:
-            self._displayed[body] = self._display.add(mesh, self._images[index], position, turn)
+            self._displayed[body] = self._display.add(mesh, self._images[index])
         return body
 
     def _texture(self, name: str) -> int:
         if name not in self._textures:
-            self._textures[name] = self._load(self.world.textures.get(name) or textures.STOCK[name])
+            plain = name.removeprefix(STRETCHED)
+            spec = self.world.textures.get(plain) or textures.STOCK[plain]
+            self._textures[name] = self._load(spec)
+            if plain != name:
+                self._periods.pop(self._textures[name], None)
         return self._textures[name]
 
     def _load(self, spec: TextureSpec) -> int:
@@ -164,8 +162,8 @@ class Scenery:
         return self.raster.add_texture(image)
 
 
-def _surfaces(world: WorldSpec) -> tuple[tuple[str, TexturedMesh, PartBounds], ...]:
-    """Walls, floor, drops, and furniture where there is much of it, merged by texture and area.
+def _surfaces(world: WorldSpec, light: SoftLight) -> _Parts:
+    """Walls, floor, drops and furniture, merged by texture and area, in the world's light.
 
     Kept for the next runs in an equal world: making them takes half of a run's set-up.
     """
@@ -173,20 +171,20 @@ def _surfaces(world: WorldSpec) -> tuple[tuple[str, TexturedMesh, PartBounds], .
     if key not in _known_surfaces:
         if len(_known_surfaces) == _KEPT_WORLDS:
             del _known_surfaces[next(iter(_known_surfaces))]
-        solids = solids_of(world)
-        furniture = [solid for solid in solids if solid.kind in ("box", "cylinder")]
-        walls = [solid for solid in solids if solid.kind in ("wall", "lintel")]
-        patches = [solid_patch(s) for s in furniture] if len(furniture) > _MAX_SINGLE else []
-        patches += [patch for wall in walls for patch in wall_patches(world, wall)]
-        patches += [*floor_patches(world), *drop_patches(world)]
-        _known_surfaces[key] = tuple(merged_parts(patches))
+        patches: list[SurfacePatch] = []
+        for solid in solids_of(world):
+            if solid.kind in ("box", "cylinder"):
+                patches += solid_patches(solid)
+            elif solid.kind in ("wall", "lintel"):
+                patches += wall_patches(world, solid)
+        parts = merged_parts([*patches, *floor_patches(world), *drop_patches(world)])
+        _known_surfaces[key] = tuple((name, light.lit(mesh), at) for name, mesh, at in parts)
     return _known_surfaces[key]
 
 
-def _visibility(
-    world: WorldSpec, solids: Sequence[Solid], bounds: Sequence[PartBounds]
-) -> Visibility:
+def _visibility(world: WorldSpec, bounds: Sequence[PartBounds]) -> Visibility:
     """Visibility with the walls that nothing overtops as occluders."""
+    solids = solids_of(world)
     walls, walkers = (wall.height for wall in world.walls), (m.height for m in world.movers)
     highest = max([0.0, *walls, *walkers, *(solid.top for solid in solids)])
     occluders = [

@@ -32,7 +32,10 @@ _ON_LINE = 0.02
 
 @dataclass(frozen=True, slots=True)
 class Solid:
-    """An upright prism: outline ``shape``, from ``bottom`` to ``top`` [m] above the floor."""
+    """An upright prism: outline ``shape``, from ``bottom`` to ``top`` [m] above the floor.
+
+    ``front`` is a texture stretched over the two longer sides of a rectangle, if there is one.
+    """
 
     name: str
     kind: Kind
@@ -40,6 +43,7 @@ class Solid:
     bottom: float = 0.0
     top: float = 0.0
     texture: str = ""
+    front: str | None = None
 
     @property
     def height(self) -> float:
@@ -112,11 +116,11 @@ def solids_of(world: WorldSpec) -> list[Solid]:
     for door in world.doors:
         if door.state == "closed":
             shape, height = gaps[door.opening]
-            solids.append(Solid(door.name, "door", shape, 0.0, height, door.texture))
+            solids.append(Solid(door.name, "door", shape, 0.0, height, door.texture, door.front))
     for box in world.boxes:
         rectangle = Rectangle(*box.at, 0.5 * box.size[0], 0.5 * box.size[1], box.yaw)
         top = box.base + box.size[2]
-        solids.append(Solid(box.name, "box", rectangle, box.base, top, box.texture))
+        solids.append(Solid(box.name, "box", rectangle, box.base, top, box.texture, box.front))
     for cylinder in world.cylinders:
         base, top = cylinder.base, cylinder.base + cylinder.height
         circle = Circle(*cylinder.at, cylinder.radius)

@@ -18,6 +18,7 @@ import numpy as np
 from navfw.features.landmark_appearance import plate_side
 from navfw.numerics import Array
 from navfw.numerics.products import product
+from navfw.signals import Pose
 from navfw.sim import solids, worldspec
 from navfw.sim.shapes import Rectangle
 from navfw.sim.textured_mesh import (
@@ -30,10 +31,10 @@ from navfw.sim.textured_mesh import (
 )
 from navfw.sim.visibility import PartBounds
 
+STRETCHED = "stretched "
+"""What the name of a texture begins with that is stretched over every patch."""
 _STAND_OFF = 0.006
 """Distance of a plate from its wall [m]: more than that of the textureless cover of a wall."""
-_RIM = 1e-3
-"""Part of the texture left out at each side: texture coordinates beyond it wrap around."""
 
 
 def plate_mesh(mark: worldspec.LandmarkPlateSpec) -> TexturedMesh:
@@ -43,13 +44,11 @@ def plate_mesh(mark: worldspec.LandmarkPlateSpec) -> TexturedMesh:
     middle = np.array([*mark.at, mark.z]) + _STAND_OFF * normal
     across, up = half * right, np.array([0.0, 0.0, half])
     corners = [middle + i * across + j * up for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-    low, high = _RIM, 1.0 - _RIM
     return TexturedMesh(
         vertices=[corner.tolist() for corner in corners],
         normals=[normal.tolist()] * 4,
-        uvs=[[low, low], [high, low], [high, high], [low, high]],
         indices=[0, 1, 2, 0, 2, 3],
-    )
+    ).stretched()
 
 
 def plate_bounds(mark: worldspec.LandmarkPlateSpec) -> PartBounds:
@@ -66,79 +65,11 @@ def plate_axes(mark: worldspec.LandmarkPlateSpec) -> tuple[Array, Array]:
     return np.array([-s, c, 0.0]), np.array([c, s, 0.0])
 
 
-_PARALLEL = 0.99
-"""Least cosine between a face and a wall's line along it."""
-_AT_OPENING = 0.01
-"""Largest distance [m] of a wall's end from the side of the opening at which it ends."""
-
-
-@dataclass(frozen=True, slots=True)
-class _TrimStrip:
-    """A strip of a face: ``columns`` from, to along it, ``rows`` above its lower edge [m]."""
-
-    columns: tuple[float, float]
-    rows: tuple[float, float]
-    texture: str
-
-
-def _trim_strips(
-    world: worldspec.WorldSpec, wall: solids.Solid, start: Array, right: Array, length: float
-) -> list[_TrimStrip]:
-    """The strips of one vertical face of a wall piece or lintel; later ones cover earlier ones.
-
-    The face begins at ``start`` (2,) [m] and extends ``length`` [m] along the unit vector ``right``
-    (2,).
-    """
-    strips: list[_TrimStrip] = []
-    if world.skirting is not None and wall.kind == "wall":
-        high = min(world.skirting.height, wall.height)
-        strips.append(_TrimStrip((0.0, length), (0.0, high), world.skirting.texture))
-    if world.door_frames is not None:
-        spec = next(spec for spec in world.walls if spec.name == wall.name)
-        for opening in spec.openings:
-            strips += _frame_strips(world.door_frames, spec, opening, wall, (start, right, length))
-    return strips
-
-
-def _texture_at(strips: Sequence[_TrimStrip], along: float, above: float) -> str | None:
-    """Texture of the uppermost strip at a point of a face [m]; None beside all strips."""
-    for strip in reversed(strips):
-        (left, right), (low, high) = strip.columns, strip.rows
-        if left <= along <= right and low <= above <= high:
-            return strip.texture
-    return None
-
-
-def _frame_strips(
-    frame: worldspec.DoorFrameSpec,
-    spec: worldspec.WallSpec,
-    opening: worldspec.OpeningSpec,
-    wall: solids.Solid,
-    face: tuple[Array, Array, float],
-) -> Iterator[_TrimStrip]:
-    """The strips of one opening's frame on a face (start, right, length) of its wall."""
-    start, right, length = face
-    index = solids.opening_segment(spec, opening)
-    assert index is not None  # noqa: S101 - check_world guarantees it
-    yaw = solids.wall_segments(spec)[index].yaw
-    dx, dy = np.subtract(opening.at, start)
-    along, off = dx * right[0] + dy * right[1], abs(dx * right[1] - dy * right[0])
-    half, top = 0.5 * opening.width, min(opening.height, spec.height)
-    if abs(math.cos(yaw) * right[0] + math.sin(yaw) * right[1]) < _PARALLEL:
-        ends_here = abs(off - half) < _AT_OPENING and abs(along - 0.5 * length) < _AT_OPENING
-        if ends_here and wall.kind == "wall":
-            yield _TrimStrip((0.0, length), (0.0, top), frame.texture)
-    elif abs(off - 0.5 * spec.thickness) < 0.5 * spec.thickness:
-        if wall.kind == "lintel":
-            if abs(along - 0.5 * length) < half:
-                yield _TrimStrip((0.0, length), (0.0, frame.width), frame.texture)
-            return
-        upper = min(top + frame.width, spec.height)
-        for left in (along - half - frame.width, along + half):
-            yield _TrimStrip((left, left + frame.width), (0.0, upper), frame.texture)
-
-
-_MAX_PARTS = 192
+_PROUD = 0.01
+"""Distance [m] by which door frames stand out of the faces of their wall."""
+_REVEAL = 0.005
+"""Distance [m] by which they reach into the opening, so that no two faces are coplanar."""
+_MAX_PARTS = 320
 """Largest number of parts: with more, the visibility test costs more than culling saves."""
 _GROUPINGS = (
     *((by_plane, edge) for by_plane in (True, False) for edge in (4.0, 8.0, 16.0)),
@@ -213,17 +144,16 @@ def wall_patches(world: worldspec.WorldSpec, wall: solids.Solid) -> Iterator[Sur
         right = np.array([*(end - start) / length, 0.0])
         outward = np.array([right[1], -right[0]])
         corner = np.array([*start, wall.bottom])
-        strips = _trim_strips(world, wall, start, right[:2], length)
-        cuts = [edge for strip in strips for edge in strip.columns]
-        columns = split_positions(length, [*_room_edges(world, start, right[:2]), *cuts])
-        rows = split_positions(wall.height, [edge for strip in strips for edge in strip.rows])
+        columns = split_positions(length, _room_edges(world, start, right[:2]))
+        skirting = world.skirting if wall.kind == "wall" else None
+        rows = split_positions(wall.height, [skirting.height] if skirting else [])
         for stretch in pairwise(columns):
             along = 0.5 * sum(stretch)
             room = _room_at(world, *(start + along * right[:2] + 0.02 * outward))
             texture = (room and room.walls) or wall.texture
             for level in pairwise(rows):
-                trim = _texture_at(strips, along, 0.5 * sum(level))
-                yield _patch(trim or texture, corner, right, ez, stretch, level)
+                board = skirting.texture if skirting and level[1] <= skirting.height else None
+                yield _patch(board or texture, corner, right, ez, stretch, level)
     # top of a wall, and the underside of a lintel
     a, b, _, d = corners
     along, across = math.dist(a, b), math.dist(a, d)
@@ -233,6 +163,22 @@ def wall_patches(world: worldspec.WorldSpec, wall: solids.Solid) -> Iterator[Sur
     if wall.bottom > 0.0:
         texture = wall.texture if world.door_frames is None else world.door_frames.texture
         yield from _patches(texture, np.array([*a, wall.bottom]), ey, ex, rows, columns)
+    if wall.kind == "lintel" and world.door_frames is not None:
+        yield from _frame_patches(world.door_frames, wall)
+
+
+def _frame_patches(frame: worldspec.DoorFrameSpec, lintel: solids.Solid) -> Iterator[SurfacePatch]:
+    """The posts and the head of the frame of the opening below a lintel."""
+    gap, width = lintel.shape, frame.width
+    assert isinstance(gap, Rectangle)  # noqa: S101 - lintels are
+    deep = 2.0 * (gap.half_y + _PROUD)
+    beside, above = gap.half_x + 0.5 * width - _REVEAL, lintel.bottom + width
+    posts = [(side * beside, (width, deep, above), 0.5 * above) for side in (-1.0, 1.0)]
+    head = 0.0, (2.0 * gap.half_x, deep, width), lintel.bottom + 0.5 * width
+    for along, size, middle in (*posts, head):
+        x, y = Pose(gap.x, gap.y, gap.yaw).to_parent(along, 0.0)
+        mesh = box_mesh(size, _NO_SHIFT).placed((x, y, middle), gap.yaw)
+        yield SurfacePatch(frame.texture, mesh)
 
 
 def _room_edges(world: worldspec.WorldSpec, start: Array, right: Array) -> list[float]:
@@ -287,21 +233,28 @@ def _patch(
 # --- boxes and cylinders ----------------------------------------------------------------------
 
 
-def solid_patch(solid: solids.Solid) -> SurfacePatch:
-    """A box or cylinder as one patch."""
-    mesh = TexturedMesh()
-    mesh.add_mesh(solid_mesh(solid), solid.centre, solid.shape.yaw)
-    return SurfacePatch(solid.texture, mesh)
+def solid_patches(solid: solids.Solid) -> Iterator[SurfacePatch]:
+    """A box or cylinder as one patch; its front as another."""
+    for front in (False, True) if solid.front else (False,):
+        mesh = solid_mesh(solid, front=front).placed(solid.centre, solid.shape.yaw)
+        yield SurfacePatch(f"{STRETCHED}{solid.front}" if front else solid.texture, mesh)
 
 
 @lru_cache(maxsize=1024)
-def solid_mesh(solid: solids.Solid, margin: float = 0.0) -> TexturedMesh:
-    """The mesh of a solid around its own centre, enlarged by ``margin`` [m] on all sides."""
+def solid_mesh(solid: solids.Solid, margin: float = 0.0, front: bool | None = None) -> TexturedMesh:
+    """The mesh of a solid around its own centre, enlarged by ``margin`` [m] on all sides.
+
+    It is that of its ``front`` alone or without it, if that is not None.
+    """
     height, shape, shift = solid.height + 2.0 * margin, solid.shape, texture_shift(solid.name)
-    if isinstance(shape, Rectangle):
-        size = (2 * (shape.half_x + margin), 2 * (shape.half_y + margin), height)
-        return box_mesh(size, shift)
-    return cylinder_mesh(shape.radius + margin, height, shift, side_count(shape.radius))
+    if not isinstance(shape, Rectangle):
+        return cylinder_mesh(shape.radius + margin, height, shift, side_count(shape.radius))
+    size = (2 * (shape.half_x + margin), 2 * (shape.half_y + margin), height)
+    long = {0, 2} if shape.half_x >= shape.half_y else {1, 3}
+    if front:
+        return box_mesh(size, shift, long).stretched()
+    hidden = long if front is False and solid.front else set()
+    return box_mesh(size, shift, set(range(5)) - hidden)
 
 
 def texture_shift(name: str) -> Array:

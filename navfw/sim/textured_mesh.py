@@ -9,6 +9,7 @@ Splitting only keeps the texture coordinates small.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from itertools import pairwise, product
 from typing import Any, NamedTuple
@@ -27,12 +28,17 @@ _MAX_PATCH = 2.0
 """Largest edge of a patch [m]."""
 
 
+_RIM = 1e-3
+"""Part of a stretched texture left out at each side: coordinates beyond it wrap around."""
 _NORMALIZATIONS = 4
 """TinyRenderer normalises normals at every use; after this many times they are unchanged."""
 
 
 class MeshArrays(NamedTuple):
-    """``points`` and ``normals`` (n, 3), ``uvs`` (n, 2); ``corners`` (triangles, 3) of points."""
+    """``points`` (n, 3), each once; ``corners`` (m, 3) of triangles, as indices of points.
+
+    ``normals`` (m, 3, 3) and ``uvs`` (m, 3, 2) are those of the corners.
+    """
 
     points: Floats
     normals: Floats
@@ -63,9 +69,12 @@ class TexturedMesh:
             for _ in range(_NORMALIZATIONS):
                 x, y, z = normals.T
                 normals = normals * (np.float32(1.0) / np.sqrt(x * x + y * y + z * z))[:, None]
-            points, uvs = np.array(self.vertices, np.float32), np.array(self.uvs, np.float32)
+            # each point once: faces share most of theirs, and a frame transforms all that are seen
+            vertices, uvs = np.array(self.vertices, np.float32), np.array(self.uvs, np.float32)
+            points, places = np.unique(vertices, axis=0, return_inverse=True)
             corners = np.array(self.indices, np.int32).reshape(-1, 3)
-            self._kept = MeshArrays(points, normals, uvs, corners)
+            shared = places.ravel().astype(np.int32)[corners]
+            self._kept = MeshArrays(points, normals[corners], uvs[corners], shared)
         return self._kept
 
     @property
@@ -97,15 +106,13 @@ class TexturedMesh:
         self.shifts += shifts.repeat(sides, axis=1).reshape(-1, 2).tolist()
         self.indices += (starts + fan).ravel().tolist()
 
-    def add_mesh(
-        self, mesh: TexturedMesh, position: tuple[float, float, float], yaw: float
-    ) -> None:
-        """Add another mesh, rotated by ``yaw`` [rad] and translated by ``position`` [m]."""
+    def placed(self, position: tuple[float, float, float], yaw: float) -> TexturedMesh:
+        """The same mesh, rotated by ``yaw`` [rad] and translated by ``position`` [m]."""
         c, s = math.cos(yaw), math.sin(yaw)
         turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])  # for rows
-        vertices = (products.product(np.array(mesh.vertices), turn) + position).tolist()
-        normals = products.product(np.array(mesh.normals), turn).tolist()
-        self.append(replace(mesh, vertices=vertices, normals=normals))
+        vertices = (products.product(np.array(self.vertices), turn) + position).tolist()
+        normals = products.product(np.array(self.normals), turn).tolist()
+        return replace(self, vertices=vertices, normals=normals)
 
     def append(self, mesh: TexturedMesh) -> None:
         """Add another mesh without a transform."""
@@ -115,6 +122,12 @@ class TexturedMesh:
         self.uvs += mesh.uvs
         self.shifts += mesh.shifts
         self.indices += [first + index for index in mesh.indices]
+
+    def stretched(self) -> TexturedMesh:
+        """The same quadrangles, each with the whole of a texture once."""
+        low, high = _RIM, 1.0 - _RIM
+        corners = [[low, low], [high, low], [high, high], [low, high]]
+        return replace(self, uvs=corners * (len(self.vertices) // 4), shifts=[])
 
     def with_period(self, width: float, height: float) -> TexturedMesh:
         """The same mesh for a texture that covers ``width`` x ``height`` [m] instead of a tile."""
@@ -159,19 +172,26 @@ def split_positions(
     return np.append(np.concatenate(parts), length)
 
 
-def box_mesh(size: tuple[float, float, float], shift: Array) -> TexturedMesh:
-    """A box around its origin with edges x, y, z [m], without its underside."""
+def box_mesh(
+    size: tuple[float, float, float], shift: Array, faces: Iterable[int] = range(5)
+) -> TexturedMesh:
+    """A box around its origin with edges x, y, z [m], without its underside.
+
+    ``faces`` are 0 to 3 for its sides, the even ones along x, and 4 for its top.
+    """
     x, y, z = (0.5 * s for s in size)
     mesh = TexturedMesh()
     ex, ey, ez = np.eye(3)
-    columns, rows, levels = (split_positions(length) for length in size)
-    for corner, right, up, across, above in (
+    columns, rows = (split_positions(length) for length in size[:2])
+    levels = np.array([0.0, size[2]])
+    sides = (
         ((-x, -y, -z), ex, ez, columns, levels),
         ((x, -y, -z), ey, ez, rows, levels),
         ((x, y, -z), -ex, ez, columns, levels),
         ((-x, y, -z), -ey, ez, rows, levels),
         ((-x, -y, z), ex, ey, columns, rows),
-    ):
+    )
+    for corner, right, up, across, above in (sides[face] for face in faces):
         for span, level in product(pairwise(across), pairwise(above)):
             mesh.add_patch(np.array(corner), right, up, span, level, shift)
     return mesh

@@ -285,6 +285,7 @@ def covered_area(picture: Image, size: float | None) -> tuple[float, float]:
     return width, width * picture.shape[0] / picture.shape[1]
 
 
+@cached_by_files(_MAX_KEPT)
 def picture_texture(spec: TextureSpec) -> Image:
     """The texels (height, width, 3) of a texture with a picture, RGB, without aliasing detail."""
     assert spec.picture is not None  # noqa: S101 - the caller has tested it

@@ -167,6 +167,7 @@ class DoorSpec(StrictModel):
     opening: Annotated[str, Field(description="name of its opening")]
     state: Literal["open", "closed"] = "closed"
     texture: str = "wood"
+    front: Annotated[str | None, Field(description="texture stretched over its faces")] = None
 
 
 class BoxSpec(StrictModel):
@@ -180,6 +181,9 @@ class BoxSpec(StrictModel):
     yaw: Annotated[float, Field(ge=-6.3, le=6.3, description="[rad]")] = 0.0
     base: Annotated[float, Field(ge=0.0, le=20.0, description="height of the underside [m]")] = 0.0
     texture: str = "wood"
+    front: Annotated[
+        str | None, Field(description="texture stretched over its two longer sides")
+    ] = None
 
 
 class CylinderSpec(StrictModel):
@@ -308,8 +312,13 @@ class DropSpec(StrictModel):
 
 
 class LightSpec(StrictModel):
-    """A directional and an ambient light; their sum is about 1 for a well exposed image."""
+    """A directional and an ambient light; their sum is about 1 for a well exposed image.
 
+    Soft light comes from straight above, whatever the direction; surfaces are darker where walls,
+    furniture and floor meet.
+    """
+
+    soft: Annotated[bool, Field(description="whether light from above has soft shadows")] = False
     direction: Annotated[
         tuple[Slope, Slope, Slope], Field(description="vector towards the directional light")
     ] = (0.4, -0.55, 1.0)
@@ -371,7 +380,9 @@ class WorldSpec(StrictModel):
             "rooms": {"floor": "floor", "walls": "wall", "ceiling": "ceiling"},
             "walls": {"texture": "wall"},
             "movers": {"texture": "person"},
-            **dict.fromkeys(("doors", "boxes", "cylinders", "meshes"), thing),
+            "doors": {"texture": "thing", "front": "thing"},
+            "boxes": {"texture": "thing", "front": "thing"},
+            **dict.fromkeys(("cylinders", "meshes"), thing),
             "drops": {"texture": "thing", "walls": "thing"},
         }
         for section, roles in sections.items():

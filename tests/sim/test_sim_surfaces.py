@@ -1,5 +1,6 @@
 """Surfaces: textures, patterns and pictures; meshes; skirting boards and door frames."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, get_args
 
@@ -13,8 +14,15 @@ from navfw.numerics import Image
 from navfw.robot import RobotModel
 from navfw.signals import Pose
 from navfw.sim import Simulation, WorldSpec, load_world
+from navfw.sim.soft_light import SoftLight
 from navfw.sim.solids import solids_of
-from navfw.sim.surface_patches import SurfacePatch, wall_patches
+from navfw.sim.surface_patches import (
+    STRETCHED,
+    SurfacePatch,
+    floor_patches,
+    solid_patches,
+    wall_patches,
+)
 from navfw.sim.textures import TILE, luminance_pattern, picture_texture, synthesize
 from navfw.sim.worldspec import Style, TextureSpec
 
@@ -219,33 +227,16 @@ def test_skirting_boards_are_strips_at_the_foot_of_the_faces() -> None:
     assert extent(boards, 0) == {3.9, 4.1}
 
 
-def test_frames_surround_openings_on_both_faces_and_line_the_inside() -> None:
+def test_frames_stand_around_openings_and_out_of_the_wall() -> None:
     world = WorldSpec.model_validate(ROOM | TRIM)
-    frames = [patch for patch in patches_of(world) if patch.texture == "frame"]
-    on_faces = [patch for patch in frames if patch.plane is not None and abs(patch.plane[0]) > 0.9]
-    assert extent(on_faces, 0) == {3.9, 4.1}
-    assert min(extent(on_faces, 1)) == pytest.approx(2.42)
-    assert max(extent(on_faces, 1)) == pytest.approx(3.58)
-    assert max(extent(on_faces, 2)) == pytest.approx(2.08)
-    inside = [patch for patch in frames if patch.plane is not None and abs(patch.plane[1]) > 0.9]
-    assert extent(inside, 1) == {2.5, 3.5}
-    assert max(extent(inside, 2)) == 2.0
-    below_the_lintel = [p for p in frames if p.plane is not None and p.plane[2] < -0.9]
-    assert extent(below_the_lintel, 2) == {2.0}
-
-
-def test_trim_covers_what_it_hides_and_nothing_else() -> None:
-    bare, trimmed = (WorldSpec.model_validate(world) for world in (ROOM, ROOM | TRIM))
-
-    def area(world: WorldSpec) -> float:
-        total = 0.0
-        for patch in patches_of(world):
-            a, b, _, d = np.array(patch.mesh.vertices)
-            total += float(np.linalg.norm(np.cross(b - a, d - a)))
-        return total
-
-    assert area(trimmed) == pytest.approx(area(bare))
-    assert solids_of(trimmed) == solids_of(bare)
+    frames = [p for p in patches_of(world) if p.texture == "frame" and p.plane is None]
+    assert len(frames) == 3
+    assert extent(frames, 0) == {3.89, 4.11}
+    assert {2.425, 2.505, 3.495, 3.575} <= extent(frames, 1)
+    assert extent(frames, 2) == {0.0, 2.0, 2.08}
+    below_the_lintel = [p for p in patches_of(world) if p.plane and p.plane[2] < -0.9]
+    assert {patch.texture for patch in below_the_lintel} == {"frame"}
+    assert solids_of(world) == solids_of(WorldSpec.model_validate(ROOM))
 
 
 def test_the_camera_sees_the_boards() -> None:
@@ -260,3 +251,43 @@ def test_the_camera_sees_the_boards() -> None:
     assert set(bare[changed]) == {180}
     assert set(trimmed[changed]) == {40}
     assert 3 <= changed.size <= 8  # 0.1 m at 1.8 m
+
+
+def levels_of(world: WorldSpec, patches: Iterable[SurfacePatch]) -> dict[tuple[float, ...], float]:
+    """Brightness of the corners of ``patches`` in the world's light, by place [m]."""
+    lit = [SoftLight(world).lit(patch.mesh) for patch in patches]
+    return {
+        tuple(np.round(vertex, 6).tolist()): normal[2]
+        for mesh in lit
+        for vertex, normal in zip(mesh.vertices, mesh.normals, strict=True)
+    }
+
+
+def test_soft_light_is_darker_where_surfaces_meet_and_even_elsewhere() -> None:
+    world = WorldSpec.model_validate(ROOM | {"light": {"soft": True}})
+    floor = levels_of(world, floor_patches(world))
+    assert floor[(8.0, 6.0, 0.0)] == pytest.approx(0.95, abs=0.01)
+    assert min(level for (x, _, _), level in floor.items() if 3.9 <= x <= 4.1) < 0.6
+    walls = levels_of(world, patches_of(world))
+    on_face = {place: level for place, level in walls.items() if place[0] == 3.9}
+    foot, middle = (
+        [level for place, level in on_face.items() if low <= place[2] <= high]
+        for low, high in ((0.0, 0.01), (1.0, 1.5))
+    )
+    assert np.mean(foot) < np.mean(middle) - 0.1
+    plain = next(floor_patches(world)).mesh
+    assert SoftLight(WorldSpec.model_validate(ROOM)).lit(plain) is plain
+
+
+def test_a_front_covers_the_two_longer_sides_of_a_box_once() -> None:
+    box = {"name": "desk", "at": [2, 2], "size": [0.7, 1.6, 0.75], "front": "board"}
+    world = WorldSpec.model_validate(ROOM | {"boxes": [box]})
+    (desk,) = [solid for solid in solids_of(world) if solid.kind == "box"]
+    body, front = solid_patches(desk)
+    assert front.texture == f"{STRETCHED}board"
+    assert extent([front], 0) == {1.65, 2.35}
+    assert extent([front], 1) == {1.2, 2.8}
+    assert np.array(front.mesh.uvs).max() < 1.0
+    assert len(front.mesh.vertices) == 8
+    sides = {tuple(np.round(normal, 6)) for normal in body.mesh.normals}
+    assert sides == {(0.0, -1.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)}
