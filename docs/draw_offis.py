@@ -31,7 +31,7 @@ from navfw.stack.stackfile import load_stack
 
 DOCS = Path(__file__).parent
 
-PLACE = Pose(3.0, 2.4, 1.35)
+PLACE = Pose(3.0, 2.3, 1.35)
 """Where the robot stands in the office."""
 
 STEP, PERIOD = 0.07, 0.2

@@ -117,8 +117,6 @@ _WIDTH = 3.0
 _BACKGROUND, _INK = [0.94, 0.94, 0.92], [0.1, 0.12, 0.16]
 _TEXT_NEAR = 0.7
 """Where the text is on the way from the robot (0) to the camera (1)."""
-_TEXTURE, _CALM = 0.25, 150.0
-"""Share of a texture that a window shows, and the grey level to which the rest is drawn."""
 _FADED, _TALL = 0.2, 0.8
 """Opacity of what hides the robot, and height [m] from which a body can."""
 _SIGHT = 60
@@ -158,7 +156,7 @@ class SimulatorWindow(BulletClient):
         super().__init__(client)
         self._lines: dict[str, list[int]] = {}
         self._said, self._text_at = -1, [0.0, 0.0, 1.0]
-        self.display = Display(client, calm=True)
+        self.display = Display(client)
         self._call("configureDebugVisualizer", rgbBackground=_BACKGROUND)
         for flag in (*_OFF, "COV_ENABLE_RENDERING"):
             self._configure(flag, 0)
@@ -209,9 +207,8 @@ class SimulatorWindow(BulletClient):
 class Display(BulletClient):
     """Textured bodies without mass or collision shape in one PyBullet client."""
 
-    def __init__(self, client: int, *, calm: bool = False) -> None:
+    def __init__(self, client: int) -> None:
         super().__init__(client)
-        self._calm = calm
         self._textures: dict[int, int] = {}
         self._faded: set[int] = set()
         self._tall: dict[int, tuple[Array, Array]] = {}
@@ -227,7 +224,7 @@ class Display(BulletClient):
         body = int(self._call("createMultiBody", 0.0, -1, visual))
         self._call("changeVisualShape", body, -1, textureUniqueId=self._texture(image))
         points = np.array(mesh.vertices).reshape(-1, 3)
-        if self._calm and len(points) and points[:, 2].max() > _TALL:
+        if len(points) and points[:, 2].max() > _TALL:
             self._tall[body] = points.min(axis=0) - 0.1, points.max(axis=0) + 0.1
         return body
 
@@ -260,8 +257,6 @@ class Display(BulletClient):
             with scratch_folder("textures") as folder:
                 # uncompressed: ten times as fast as PNG
                 path = folder / "texture.bmp"
-                rest = (1.0 - _TEXTURE) * (_CALM + image.mean() / 3.0)
-                shown = np.asarray(_TEXTURE * image + rest, np.uint8) if self._calm else image
-                cv2.imwrite(str(path), cv2.cvtColor(shown, cv2.COLOR_RGB2BGR))
+                cv2.imwrite(str(path), cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
                 self._textures[id(image)] = int(self._call("loadTexture", str(path)))
         return self._textures[id(image)]

@@ -221,8 +221,8 @@ class Raster:
 
     def add(self, mesh: TexturedMesh, texture: int) -> int:
         """Add a body whose axes are the map's until it is placed; returns its id."""
-        here = _model((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
-        self._bodies[self._next] = _Body(mesh.arrays, texture, here)
+        at_origin = _model((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+        self._bodies[self._next] = _Body(mesh.arrays, texture, at_origin)
         self._packed = self._shown = None
         self._next += 1
         return self._next - 1

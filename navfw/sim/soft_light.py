@@ -19,7 +19,7 @@ from navfw.sim.solids import solids_of
 from navfw.sim.textured_mesh import TexturedMesh
 from navfw.sim.worldspec import WorldSpec
 
-_HIGH = 0.45
+_HEIGHT = 0.45
 """Height [m] of the faces that cover the light; four times as far away they cover 0.015 of it."""
 _IN_FRONT = 0.2
 """Distance [m] by which a solid extends in front of a surface that it shades in full."""
@@ -29,7 +29,7 @@ _LEVEL, _UPRIGHT, _TURN = 0.95, 0.8, (0.09, -0.05)
 """Brightness of level and of upright surfaces; its change with the normal's x and y."""
 _TOLERANCE = 0.05
 """Largest difference of brightness between a patch and what its corners interpolate."""
-_SHORTEST, _SPLITS = 0.1, 8
+_MIN_LENGTH, _MAX_SPLITS = 0.1, 8
 """Length [m] below which a patch is not split; largest number of splits of one patch."""
 _LATTICE = ((0, 1), (1, 2), (2, 3), (3, 0), (0, 2))
 """Corners whose middles, with the corners, are a patch's lattice: four sides, and the middle."""
@@ -60,7 +60,7 @@ class SoftLight:
         faces = np.concatenate([np.asarray(c) for c in columns], axis=1).reshape(-1, sides, 10)
         finished = [faces[:0]]
         splits = 0
-        while sides == 4 and splits < _SPLITS and len(faces):
+        while sides == 4 and splits < _MAX_SPLITS and len(faces):
             splits += 1
             middles = [0.5 * (faces[:, a] + faces[:, b]) for a, b in _LATTICE]
             lattice = np.concatenate([faces, np.stack(middles, axis=1)], axis=1)
@@ -94,7 +94,10 @@ class SoftLight:
         level *= 1.0 - upright * _CEILING * _covered(np.maximum(self._height - z, 0.0))
         if alone or not len(points):
             return level
-        low, high = points[:, :2].min(axis=0) - 4.0 * _HIGH, points[:, :2].max(axis=0) + 4.0 * _HIGH
+        low, high = (
+            points[:, :2].min(axis=0) - 4.0 * _HEIGHT,
+            points[:, :2].max(axis=0) + 4.0 * _HEIGHT,
+        )
         near = (self._bounds[:, :2] < high).all(axis=1) & (self._bounds[:, 2:] > low).all(axis=1)
         for solid in itertools.compress(self._solids, near):
             corners = solid.shape.corners
@@ -110,7 +113,7 @@ class SoftLight:
 
 def _covered(distance: Array) -> Array:
     """Share of the light that an upright face at ``distance`` [m] covers, at most one half."""
-    covered: Array = 0.5 - 0.5 * distance / np.sqrt(distance * distance + _HIGH * _HIGH)
+    covered: Array = 0.5 - 0.5 * distance / np.sqrt(distance * distance + _HEIGHT * _HEIGHT)
     return covered
 
 
@@ -119,4 +122,4 @@ def _error(lattice: Array, level: Array, lines: Sequence[tuple[int, int, int]]) 
     first, middle, last = np.array(lines).T
     error = np.abs(level[:, middle] - 0.5 * (level[:, first] + level[:, last])).max(axis=1)
     long = np.linalg.norm(lattice[:, first[0], :3] - lattice[:, last[0], :3], axis=1)
-    return np.where(long > _SHORTEST, error, 0.0)
+    return np.where(long > _MIN_LENGTH, error, 0.0)
