@@ -59,9 +59,7 @@ class SoftLight:
         columns = mesh.vertices, mesh.normals, mesh.uvs, mesh.shifts or np.zeros_like(mesh.uvs)
         faces = np.concatenate([np.asarray(c) for c in columns], axis=1).reshape(-1, sides, 10)
         finished = [faces[:0]]
-        splits = 0
-        while sides == 4 and splits < _MAX_SPLITS and len(faces):
-            splits += 1
+        for _ in range(_MAX_SPLITS if sides == 4 else 0):
             middles = [0.5 * (faces[:, a] + faces[:, b]) for a, b in _LATTICE]
             lattice = np.concatenate([faces, np.stack(middles, axis=1)], axis=1)
             level = self._level(lattice.reshape(-1, 10), alone).reshape(-1, 9)
@@ -113,8 +111,7 @@ class SoftLight:
 
 def _covered(distance: Array) -> Array:
     """Share of the light that an upright face at ``distance`` [m] covers, at most one half."""
-    covered: Array = 0.5 - 0.5 * distance / np.sqrt(distance * distance + _HEIGHT * _HEIGHT)
-    return covered
+    return np.asarray(0.5 - 0.5 * distance / np.sqrt(distance**2 + _HEIGHT**2))
 
 
 def _error(lattice: Array, level: Array, lines: Sequence[tuple[int, int, int]]) -> Array:

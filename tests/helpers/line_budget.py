@@ -16,7 +16,7 @@ LIMITS = {
     "examples/, lines of Python": 647,
     "benchmarks/, lines of Python, pages and stubs": 7310,
     "tests/, lines of Python": 45100,
-    "docs/, words": 42600,
+    "docs/, words": 42913,
     "README.md, words": 900,
     "pyproject.toml, lines": 303,
 }
@@ -38,7 +38,7 @@ def counts(root: Path = ROOT) -> Mapping[str, int]:
             root / "benchmarks", ".py", ".pyi", ".html"
         ),
         "tests/, lines of Python": _lines(root / "tests", ".py"),
-        "docs/, words": 42600_words((root / "docs").rglob("*.md")),
+        "docs/, words": _words((root / "docs").rglob("*.md")),
         "README.md, words": _words([root / "README.md"]),
         "pyproject.toml, lines": len(_text(root / "pyproject.toml").splitlines()),
     }
