@@ -9,6 +9,9 @@ from pydantic import Field
 
 from navfw import Context, Proposal, RuledBehavior
 
+ROOM, DELAY, BRAKING, BESIDE = 0.07, 0.35, 0.7, 0.06
+"""Distance [m], time [s] and deceleration [m/s^2] of a stop, and clearance [m]: as ``avoid``'s."""
+
 
 class GiveWay(RuledBehavior):
     """Rates every command by its predicted closest approach to moving obstacles.
@@ -47,19 +50,24 @@ class GiveWay(RuledBehavior):
         if conflicts is None:
             nothing = context.commands.zeros()
             return Proposal(0.0, nothing, nothing, "no moving obstacle")
+        # driving into a wall is no escape, neither is driving toward a close obstacle
+        arcs, speeds = context.arcs, context.commands.v[:, None]
+        needed = ROOM + DELAY * np.abs(speeds) + speeds**2 / (2.0 * BRAKING)
+        possible = (np.minimum(arcs.free, arcs.observed) > needed) & (arcs.clearance > BESIDE)
+        possible[speeds[:, 0] == 0.0] = True
         # what no command avoids, as a rolling robot cannot stop at once, counts against none
-        unavoidable = float(conflicts.approach.min())
+        unavoidable = float(conflicts.approach[possible].min())
         approach = conflicts.approach
         if unavoidable > self.params.approach:
             approach = approach - unavoidable
-        # driving toward a close obstacle is no escape
-        best = float(conflicts.distance[approach <= self.params.approach].max())
+        best = float(conflicts.distance[possible & (approach <= self.params.approach)].max())
         verdict = self.rules.evaluate_all(
             distance=conflicts.distance,
             worse=np.maximum(best - conflicts.distance, 0.0),
             time=conflicts.time,
             near=np.full(conflicts.distance.shape, conflicts.nearest),
             approach=approach,
+            speed=np.broadcast_to(speeds, approach.shape),
         )
         least = float(conflicts.distance.min())
         return Proposal(

@@ -298,6 +298,10 @@ class OccupancyGrid:
         side = (self.size - 1) * self.params.cell
         return 0.0 <= x - left <= side and 0.0 <= y - bottom <= side
 
+    def occupied_at(self, x: float, y: float) -> bool:
+        """Return whether the odom point (x, y) [m] is occupied by what was seen there."""
+        return self.contains(x, y) and bool(self.log_odds[self.index(x, y)] >= self.params.occupied)
+
     def index(self, x: float, y: float) -> tuple[int, int]:
         """Return (row, column) of the odom point (x, y) [m], which may lie outside the grid."""
         cell = self.params.cell

@@ -12,7 +12,7 @@ from navfw.errors import SimulationError
 from navfw.flow.ideal import Ideal
 from navfw.interfaces import Plugin
 from navfw.numerics.products import product
-from navfw.signals import CameraMotion, Frame, FramePair, MovingObject, Odometry, Pose
+from navfw.signals import CameraMotion, Frame, FramePair, MovingObject, Pose
 from navfw.sim.simulation import Simulation
 from navfw.stack import Stack
 
@@ -44,7 +44,7 @@ class SimulatorTruth:
         """The true camera motion between the frames of ``pair``."""
         return self.simulation.true_motion(pair.past, pair.now)
 
-    def moving_objects(self, frame: Frame, _: Odometry) -> tuple[MovingObject, ...]:
+    def moving_objects(self, frame: Frame, *_: object) -> tuple[MovingObject, ...]:
         """Who walks in view, with misses and errors as measured of drawn images (decision 154)."""
         simulation, model = self.simulation, self.simulation.robot
         view = 0.5 * sum(camera.hfov for camera in (model.camera, *model.side_cameras))

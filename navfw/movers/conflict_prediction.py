@@ -30,6 +30,8 @@ _CLOSE = 0.4  # chosen
 """Distance [m] below which a moving obstacle counts as close by: reachable within _MOMENT."""
 _MOMENT = 0.5  # chosen
 """Time over which the approach to close obstacles is taken [s]."""
+_GROWTH = 0.2  # chosen
+"""Growth of the radius of an obstacle that is not detected again [m/s]: it may have turned."""
 
 
 class ConflictParams(StrictModel):
@@ -78,6 +80,7 @@ class ConflictPredictor:
         moving = np.array(
             [[*track.predict(time), *track.velocity, track.radius] for track in tracks]
         )
+        moving[:, 4] += _GROWTH * (time - np.array([track.time for track in tracks]))
         distance, when, approach = np.empty((3, speeds.size, turns.size))
         _predict(
             moving,
@@ -116,17 +119,19 @@ def _predict(
     horizon, turn_time, uncertainty, onward_speed = ahead
     steps = int(horizon / _STEP)
     ways = _ways(speeds, state[3], limits[0], limits[1], math.inf, 0.0, steps)
+    stopping = _ways(speeds, state[3], limits[0], limits[1], turn_time, 0.0, steps)
     headings = _headings(turns, state[2], state[4], limits[2], turn_time, steps)
     for i in range(speeds.size):
         for j in range(turns.size):
             approach[i, j] = _approach(moving, state[:2], ways[i], headings[j], radius)
+            distance[i, j], when[i, j] = -math.inf, 0.0
             if speeds[i] == 0.0 and turns[j] != 0.0:
-                # the best of the turns below replaces it
-                distance[i, j], when[i, j] = -math.inf, 0.0
-                continue
-            distance[i, j], when[i, j] = _follow(
-                moving, state[:2], ways[i], headings[j], radius, uncertainty
-            )
+                continue  # the best of the turns below replaces it
+            # a command is only a beginning: the robot may stop after it
+            for way in (ways[i], stopping[i]):
+                least, at = _follow(moving, state[:2], way, headings[j], radius, uncertainty)
+                if least > distance[i, j]:
+                    distance[i, j], when[i, j] = least, at
     # a turn on the spot makes room only if the robot then drives off
     for duration in _TURN_DURATIONS:
         leaving = _ways(np.zeros(1), state[3], limits[0], limits[1], duration, onward_speed, steps)
@@ -152,7 +157,7 @@ def _follow(
         for m in range(moving.shape[0]):
             dx = moving[m, 0] + moving[m, 2] * t - x
             dy = moving[m, 1] + moving[m, 3] * t - y
-            away = math.hypot(dx, dy) - moving[m, 4] - radius - uncertainty * t
+            away = math.sqrt(dx * dx + dy * dy) - moving[m, 4] - radius - uncertainty * t
             if away < least:
                 when = t if least > 0.0 else when
                 least = away
@@ -163,7 +168,7 @@ def _follow(
 
 @numba.njit(cache=True)
 def _approach(moving: Array, start: Array, way: Array, heading: Array, radius: float) -> float:
-    """Largest approach [m] within _MOMENT to the present place of a close moving obstacle."""
+    """Largest approach [m] by the robot to a close moving obstacle within _MOMENT."""
     x, y = start
     for k in range(int(_MOMENT / _STEP)):
         x += way[k] * heading[k, 0]
@@ -172,7 +177,10 @@ def _approach(moving: Array, start: Array, way: Array, heading: Array, radius: f
     for m in range(moving.shape[0]):
         before = math.hypot(moving[m, 0] - start[0], moving[m, 1] - start[1])
         if before - moving[m, 4] - radius < _CLOSE:
-            most = max(most, before - math.hypot(moving[m, 0] - x, moving[m, 1] - y))
+            later_x = moving[m, 0] + moving[m, 2] * _MOMENT
+            later_y = moving[m, 1] + moving[m, 3] * _MOMENT
+            standing = math.hypot(later_x - start[0], later_y - start[1])
+            most = max(most, min(before, standing) - math.hypot(later_x - x, later_y - y))
     return most
 
 
@@ -188,13 +196,13 @@ def _ways(
 ) -> Array:
     """Compute the length [m] of each step (n_v, steps + 1), speeding from ``v`` to ``speeds``.
 
-    A speed of zero becomes ``onward_speed`` [m/s] after ``turn_time`` [s].
+    After ``turn_time`` [s] each speed becomes ``onward_speed`` [m/s].
     """
     ways = np.empty((speeds.size, steps + 1))
     for i in range(speeds.size):
         now = v
         for k in range(steps + 1):
-            wanted = onward_speed if speeds[i] == 0.0 and k * _STEP >= turn_time else speeds[i]
+            wanted = onward_speed if k * _STEP >= turn_time else speeds[i]
             change = accel if abs(wanted) > abs(now) else brake
             now += min(max(wanted - now, -change * _STEP), change * _STEP)
             ways[i, k] = now * _STEP

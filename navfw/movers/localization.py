@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from navfw.movers.motion_segmentation import segment_motion
+from navfw.movers.motion_segmentation import crossing_cells, segment_motion
 from navfw.numerics import Array, Mask
 from navfw.numerics.linear_systems import solve
 from navfw.numerics.products import product
@@ -35,6 +35,8 @@ of a vector up to which it may always leave them: mismatches do not agree with e
 _MIN_FALL = 0.10  # chosen
 """Least fall per metre of depth of the ray to a foot point; flatter rays give no usable
 distance."""
+_SIDEWAYS, _WINDOWS_UNEXPLAINED = 0.1, 0.3  # chosen
+"""Least sideways speed of what crosses [m/s], and _MAX_UNEXPLAINED of large windows' flow."""
 _BORDER = 9.0  # chosen
 """Distance of cells from the lower image border [px] below which the foot point may be out of view:
 flow is not computed there."""
@@ -52,41 +54,57 @@ _WEIGHT = 1.0 / (_SHARED_ERRORS * _FLOW_ERROR**2)  # derived
 """Information of one vector [px^-2]."""
 
 
-def locate_moving_objects(flow: FlowField, camera: CameraModel) -> tuple[MovingObject, ...]:
+def locate_moving_objects(
+    flow: FlowField, camera: CameraModel, whole: FlowField | None = None
+) -> tuple[MovingObject, ...]:
     """Detect the moving objects in ``flow`` (derotated, dense); return them from left to right.
 
-    Raises ValueError if ``flow`` is not marked as derotated.
+    So is what crosses in the flow of the ``whole`` image. Raises ValueError if ``flow`` is not
+    marked as derotated.
     """
     if not flow.derotated:
         raise ValueError("moving objects need derotated flow (navfw.camera_geometry.rotations)")
     if flow.motion.dt <= 0.0:
         return ()
     fall = camera.fall_per_depth(flow.points)
-    moving = segment_motion(flow, fall, camera)
-    if np.count_nonzero(moving) < _MIN_CELLS:
-        return ()
+    moving, foot = segment_motion(flow, fall, camera)
     count, labels = cv2.connectedComponents(moving.view(np.uint8), connectivity=8)
     sizes = np.bincount(labels.ravel(), minlength=count)
-    objects = []
-    for label in range(1, count):
-        if sizes[label] >= _MIN_CELLS:
-            detection = _locate(flow, fall, labels == label, camera)
-            if detection and _SPEEDS[0] <= math.hypot(*detection.velocity()) <= _SPEEDS[1]:
-                objects.append(detection)
+    objects: list[MovingObject] = []
+    half_cell = 0.5 * abs(flow.points[0, 1, 0] - flow.points[0, 0, 0]) / camera.focal
+    for label in np.flatnonzero(sizes[1:] >= _MIN_CELLS) + 1:
+        cells = labels == label
+        # the foot point is at the lower border of the lowest cells, but for one in twenty
+        falls = np.sort(fall[cells])
+        lowest = falls[int(0.95 * (falls.size - 1))] + half_cell
+        if falls[-1] >= fall.max() - _BORDER / camera.focal:
+            lowest /= _BELOW_IMAGE  # the foot point is below the image
+        detection = _locate(flow, cells, lowest, camera, _MAX_UNEXPLAINED)
+        if detection and _SPEEDS[0] <= math.hypot(*detection.velocity()) <= _SPEEDS[1]:
+            objects.append(detection)
+    if whole is not None:
+        nearest = np.abs(flow.points[0, :, 0, None] - whole.points[0, :, 0]).argmin(axis=1)
+        for cells, inside in crossing_cells(whole, camera):
+            ends = foot[inside[nearest] & (foot > 0.0)] * camera.mount_height
+            lowest = float(np.median(ends)) - half_cell if ends.size else 0.0
+            body = _locate(whole, cells, lowest, camera, _WINDOWS_UNEXPLAINED)
+            if body and abs(body.velocity(_SPEEDS[1])[1]) > _SIDEWAYS:
+                apart = (abs(body.bearing - o.bearing) > body.width + o.width for o in objects)
+                objects += [body] if all(apart) else []
     return tuple(sorted(objects, key=lambda detection: -detection.bearing))
 
 
-def _locate(flow: FlowField, fall: Array, cells: Mask, camera: CameraModel) -> MovingObject | None:
-    """Locate the object in ``cells``; None if it is too far away, or not one moving body."""
-    points = flow.points[cells]
-    half_cell = 0.5 * abs(flow.points[0, 1, 0] - flow.points[0, 0, 0])
-    # the foot point is at the lower border of the lowest cells, but for one in twenty
-    lowest = np.sort(fall[cells])[int(0.95 * (len(points) - 1))] + half_cell / camera.focal
+def _locate(
+    flow: FlowField, cells: Mask, lowest: float, camera: CameraModel, unexplained: float
+) -> MovingObject | None:
+    """Locate the object in ``cells``; None if it is too far away, or not one moving body.
+
+    Rays to its foot point fall by ``lowest`` per metre; ``unexplained`` is as _MAX_UNEXPLAINED.
+    """
     if lowest < _MIN_FALL:
         return None
-    depth = camera.mount_height / lowest
-    if fall[cells].max() >= fall.max() - _BORDER / camera.focal:
-        depth *= _BELOW_IMAGE  # the foot point is below the image
+    depth, points = camera.mount_height / lowest, flow.points[cells]
+    half_cell = 0.5 * abs(flow.points[0, 1, 0] - flow.points[0, 0, 0])
     left, right = points[:, 0].min() - half_cell, points[:, 0].max() + half_cell
     bearings = math.atan2(-left, camera.focal), math.atan2(-right, camera.focal)
     off_axis, width = 0.5 * sum(bearings), 0.5 * (bearings[0] - bearings[1])
@@ -99,7 +117,7 @@ def _locate(flow: FlowField, fall: Array, cells: Mask, camera: CameraModel) -> M
     detection = MovingObject(flow.time, bearing, width, distance, information, evidence)
     velocity = np.array(detection.velocity(_SPEEDS[1]))
     explained = product(2.0 * evidence - product(information, velocity), velocity)
-    return detection if at_rest - explained <= max(_MAX_UNEXPLAINED * at_rest, least) else None
+    return detection if at_rest - explained <= max(unexplained * at_rest, least) else None
 
 
 def _velocity(

@@ -10,6 +10,7 @@ expansion, and a point above the floor hides it. So the flow of a static point
 
 Single vectors need a large residual. Patches of vectors need less: mismatches at the outlines of
 near obstacles are thin.
+Those high above the horizon show what approaches on a constant bearing, too (``crossing_cells``).
 """
 
 from __future__ import annotations
@@ -47,6 +48,9 @@ _NEARER, _NEARER_GATE = 1.25, 3.0  # chosen
 factor is beyond _FLOOR_TOLERANCE, within which the lowest cells of an object pass for floor."""
 _FLOOR_TOLERANCE = 0.2  # chosen
 """Relative difference from the floor's nearness up to which a cell is the floor."""
+_COLUMN_CELLS, _COLUMN_GATE, _COLUMNS_GATE = 2, 2.0, 5.0  # chosen
+"""Least number of cells of a column above the horizon, and deviations of a column, and of adjacent
+ones together, from which their cells cross their epipolar lines [sigma]."""
 _VERTICAL = np.array([0.0, 1.0, 0.0])  # defined
 """The axis of yaw, in the axes of a level camera."""
 
@@ -57,16 +61,17 @@ def direction_sigma(motion: CameraMotion) -> float:
     return min(math.hypot(0.03 + 0.003 / baseline, motion.skid_sigma / baseline), 1.0)
 
 
-def segment_motion(flow: FlowField, fall: Array, camera: CameraModel) -> Mask:
+def segment_motion(flow: FlowField, fall: Array, camera: CameraModel) -> tuple[Mask, Array]:
     """Mark the cells (rows, cols) of ``flow`` (derotated) that no static point can explain.
 
     ``fall`` (rows, cols) is ``camera.fall_per_depth`` of its points. Vectors that the refinement
-    marked in ``flow.inconsistency``, being off their epipolar lines, are marked too.
+    marked in ``flow.inconsistency``, being off their epipolar lines, are marked too. The
+    second array is the nearness (cols,) [1/m] of the farthest floor seen in a column, or 0.
     """
     motion = flow.motion
     standing = motion.baseline < _MIN_BASELINE
     skid = float(motion.skid_sigma / max(motion.baseline, _MIN_BASELINE))
-    moving, crossing, nearer = _suspects(
+    moving, crossing, nearer, foot = _suspects(
         np.ascontiguousarray(flow.points, dtype=np.float64),
         np.ascontiguousarray(flow.vectors, dtype=np.float64),
         np.ascontiguousarray(flow.sigma, dtype=np.float64),
@@ -81,7 +86,7 @@ def segment_motion(flow: FlowField, fall: Array, camera: CameraModel) -> Mask:
         moving |= flow.inconsistency > 0.0
     if not standing:
         moving |= _patches(crossing) | _patches(nearer)
-    return moving
+    return moving, foot
 
 
 def _patches(moving: Mask) -> Mask:
@@ -90,6 +95,30 @@ def _patches(moving: Mask) -> Mask:
     count = cv2.filter2D(cells, -1, _PATCH, borderType=cv2.BORDER_CONSTANT)
     patches = cv2.dilate((np.asarray(count) >= _PATCH_CELLS).view(np.uint8), _PATCH)
     return np.asarray(patches).view(np.bool_) & moving
+
+
+def crossing_cells(flow: FlowField, camera: CameraModel) -> list[tuple[Mask, Mask]]:
+    """Find the bodies that cross in the ``flow`` (derotated) of the whole image.
+
+    What moves sideways shifts columns: above the horizon their vectors cross their epipolar lines
+    in proportion to their height. So what approaches on a constant bearing, and hardly moves in the
+    image, shows by its expansion. Returns the cells (rows, cols) and columns (cols,) of each body.
+    """
+    odd = 0.0 if flow.inconsistency is None else flow.inconsistency
+    t, (u, v) = flow.motion.translation, np.moveaxis(flow.vectors, -1, 0)
+    x, y = np.moveaxis(flow.points * t[2] - camera.focal * t[:2], -1, 0)
+    lever = np.hypot(x, y)
+    shown = (flow.confidence + odd > 0.0) & (camera.fall_per_depth(flow.points) < 0.0)
+    shown &= lever > _FOE_RADIUS * flow.motion.baseline
+    error = np.hypot(flow.sigma, direction_sigma(flow.motion) * np.hypot(u, v))
+    weight = shown / ((error**2 + _PATCH_SIGMA**2) * np.maximum(lever, 1e-9) ** 2)
+    information = np.sum(weight * y**2, axis=0)
+    shift = np.sum(weight * y * (y * u - x * v), axis=0) / np.sqrt(np.maximum(information, 1e-9))
+    shift[np.count_nonzero(shown, axis=0) < _COLUMN_CELLS] = 0.0
+    side = np.where(np.abs(shift) > _COLUMN_GATE, np.sign(shift), 0.0)
+    bodies = np.cumsum(np.diff(side, prepend=0.0) != 0.0)
+    together = np.bincount(bodies, np.abs(side) * shift**2) > _COLUMNS_GATE**2
+    return [(shown & (bodies == body), bodies == body) for body in np.flatnonzero(together)]
 
 
 @numba.njit(cache=True)
@@ -125,14 +154,14 @@ def _suspects(
     floor: Array,
     standing: bool,
     sigmas: tuple[float, float, float],
-) -> tuple[Mask, Mask, Mask]:
+) -> tuple[Mask, Mask, Mask, Array]:
     """Masks (rows, cols) of valid vectors: short ones, and for patches crossing and nearer ones.
 
     Short: below those of a floor of the nearness ``floor`` [1/m]; while ``standing``, all that the
     error of the yaw does not explain, and the other masks are empty. Crossing: across the epipolar
     line. Nearer: of larger nearness than the next floor down the column; as the farthest floor cell
-    of a column may be half hidden, that of one row below it. ``sigmas`` are those of yaw and
-    direction of motion [rad], and of the sideways share of the displacement.
+    of a column may be half hidden, that of one row below it; last: of the farthest one (cols,).
+    ``sigmas``: of yaw and direction [rad], and of the displacement's sideways share.
     """
     yaw_sigma, direction, skid = sigmas
     rows, cols = sigma.shape
@@ -141,15 +170,14 @@ def _suspects(
         ratio = _floor_ratio(points, vectors, confidence, translation, focal, floor)
     slip = math.hypot(min(max(abs(ratio - 1.0), _SEEN_SLIP), _SLIP), skid)
     short = np.zeros((rows, cols), np.bool_)
-    crossing, nearer = np.zeros_like(short), np.zeros_like(short)
+    crossing, nearer, foot = np.zeros_like(short), np.zeros_like(short), np.zeros(cols)
     foe_radius = _FOE_RADIUS * math.sqrt(np.sum(translation * translation))
     for c in range(cols):
         stands = np.inf
         for r in range(rows - 1, -1, -1):
             if not confidence[r, c] > 0.0:
                 continue
-            x, y = points[r, c, 0], points[r, c, 1]
-            u, v = vectors[r, c, 0], vectors[r, c, 1]
+            (x, y), (u, v) = points[r, c], vectors[r, c]
             length = math.hypot(u, v)
             if standing:
                 off = math.hypot(sigma[r, c], yaw_sigma * (focal + x * x / focal))
@@ -172,9 +200,10 @@ def _suspects(
             like = max(_FLOOR_TOLERANCE * near, 2.0 * nearness_sigma)
             if near > 0.0 and abs(nearness - near) < like:
                 stands = floor[min(r + 1, rows - 1), c]
+                foot[c] = near
             else:
                 nearer[r, c] = nearness - _NEARER_GATE * nearness_sigma > _NEARER * stands
-    return short, crossing, nearer
+    return short, crossing, nearer, foot
 
 
 @numba.njit(cache=True)

@@ -16,7 +16,7 @@ from navfw.egomotion.pairing import PairingParams, PosedFrame, with_yaw_sigma
 from navfw.egomotion.refinement import RefinementParams, refine
 from navfw.flow.floor_aligned import FloorAlignedFlow
 from navfw.movers.localization import locate_moving_objects, merge_views
-from navfw.movers.motion_segmentation import direction_sigma
+from navfw.movers.motion_segmentation import crossing_cells, direction_sigma
 from navfw.movers.stixels import find_stixels
 from navfw.robot import RobotModel
 from navfw.signals import FlowField, Frame, FramePair, MovingObject, Odometry, Stixels
@@ -148,20 +148,24 @@ class MovingObjectDetector:
         self._schedule.reset()
         self.flow = None
 
-    def detect(self, frame: Frame, odometry: Odometry) -> tuple[MovingObject, ...]:
-        """Detect moving objects in ``frame``, if it is searched; ``odometry`` is of that time."""
+    def detect(
+        self, frame: Frame, odometry: Odometry, whole: FlowField | None = None
+    ) -> tuple[MovingObject, ...]:
+        """Detect moving objects in ``frame``, if it is searched: if any cross in ``whole``."""
         self.flow = None
         if not self._floor_aligned.floor_visible:
             return ()
         self._frames.add(frame, odometry)
         mode = self._schedule.next_mode(frame.time)
+        if mode != "full" and whole is not None and crossing_cells(whole, self.camera):
+            mode = "full"
         if mode == "idle":
             return ()
         detections: tuple[MovingObject, ...] = ()
         pair = self._pair()
         if pair is not None and (mode == "full" or self._coarse_search(pair, odometry)):
             self.flow = self.dense_flow(pair, odometry)
-            detections = locate_moving_objects(self.flow, self.camera)
+            detections = locate_moving_objects(self.flow, self.camera, whole)
         self._schedule.update(detections, frame.time)
         return detections
 
@@ -214,12 +218,14 @@ class MultiViewDetector:
         for detector in self._detectors:
             detector.reset()
 
-    def detect(self, frame: Frame, odometry: Odometry) -> tuple[MovingObject, ...]:
-        """Detect moving objects in all views of ``frame``, left to right; call it every frame."""
+    def detect(
+        self, frame: Frame, odometry: Odometry, whole: FlowField | None = None
+    ) -> tuple[MovingObject, ...]:
+        """Detect moving objects in all views, left to right, call it every frame."""
         images = (frame.image, *frame.sides)
         views = [
-            detector.detect(Frame(frame.time, image), odometry)
-            for detector, image in zip(self._detectors, images, strict=False)
+            detector.detect(Frame(frame.time, image), odometry, None if k else whole)
+            for k, (detector, image) in enumerate(zip(self._detectors, images, strict=False))
         ]
         if not self._moving_objects:
             return ()

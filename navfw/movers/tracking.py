@@ -8,7 +8,7 @@ track. A track that is not detected again in view is dropped soon, one that has 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -37,8 +37,9 @@ PATH_TIME = 0.6  # chosen
 Positive = Annotated[float, Field(gt=0.0, le=100.0)]
 """Sigmas and speeds [m/s]: beyond 100 nothing changes any more."""
 
-_MERGE_DISTANCE = 0.3  # chosen
-"""Tracks nearer to each other than this [m] are one object: people keep farther apart."""
+_MERGE_DISTANCE, _TURNED_DISTANCE = 0.3, 0.5  # chosen
+"""Tracks nearer to each other than this [m] are one object: people keep farther apart. A new one
+within the second of an old one is the same, which turned suddenly."""
 _MAX_AGE, _OVERLAP = 0.25, 0.03  # chosen
 """A track not updated for the first [s] whose predicted place overlaps the robot by more than the
 second [m] is dropped: the object has gone elsewhere."""
@@ -47,6 +48,8 @@ _GATE_DISTANCE = 0.8  # chosen
 an old track by itself would admit detections from anywhere."""
 _VELOCITY_SIGMA = 0.2  # chosen
 """Change of velocity [m/s] that costs as much in association as one sigma of position."""
+_OWN_PLACE = 0.5  # chosen
+"""Distance [m] within which occupied cells may be those of the tracked object itself."""
 _MAX_CHANGE = 0.45  # chosen
 """Largest change of velocity [m/s] between the detections that confirm a track: mismatches on a
 static object show another velocity in each frame."""
@@ -151,7 +154,7 @@ class Tracker:
                 associated[index] = self._begin(measurement)
                 self.tracks.append(associated[index])
         for track in associated.values():
-            self._merge_into(track)
+            self._merge_into(track, _TURNED_DISTANCE if track.hits == 1 else _MERGE_DISTANCE)
 
     def _associate(self, measurements: Sequence[_Measurement]) -> dict[int, Track]:
         """Find the track of each measurement, by its index: greedy, least cost first."""
@@ -169,8 +172,8 @@ class Tracker:
                 associated[index] = track
         return associated
 
-    def _merge_into(self, track: Track) -> None:
-        """Drop older tracks within the merge distance of ``track``, which was just updated.
+    def _merge_into(self, track: Track, distance: float) -> None:
+        """Drop older tracks within ``distance`` [m] of ``track``, which was just updated.
 
         They are the same object; the track takes over the largest number of hits.
         """
@@ -179,14 +182,23 @@ class Tracker:
             other
             for other in self.tracks
             if other.time != track.time
-            and math.dist(other.predict(track.time), position) <= _MERGE_DISTANCE
+            and math.dist(other.predict(track.time), position) <= distance
         ]
         track.hits = max((track.hits, *(duplicate.hits for duplicate in duplicates)))
         self.tracks = [other for other in self.tracks if other not in duplicates]
 
-    def prune(self, time: float, pose: Pose) -> None:
-        """Drop tracks past their life time, and old ones that overlap the robot (odom ``pose``)."""
+    def prune(
+        self, time: float, pose: Pose, occupied: Callable[[float, float], bool] = lambda x, y: False
+    ) -> None:
+        """Drop tracks past their life time, and old ones that overlap the robot (odom ``pose``).
+
+        One that reaches an ``occupied`` place (odom x, y [m]) stands there, as before a wall.
+        """
         p = self.params
+        for track in self.tracks:
+            place = track.predict(time)
+            if math.dist(place, track.state[:2]) > _OWN_PLACE and occupied(*place):
+                track.state[:] = *place, 0.0, 0.0
         self.tracks = [
             track
             for track in self.tracks

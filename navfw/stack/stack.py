@@ -352,7 +352,7 @@ class Stack:
         self._flow = view.flows[-1] if view.flows else self._flow
         with timed(self.timings, "movers"):
             self.tracker.update(view.moving_objects, seen_from)
-            self.tracker.prune(odometry.time, odometry.pose)
+            self.tracker.prune(odometry.time, odometry.pose, self.local_map.occupancy.occupied_at)
             occupied = self.tracker.occupied_discs(odometry.time)
         if self.mofis.handles_moving_obstacles:
             self.local_map.set_obstacles(())

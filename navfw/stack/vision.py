@@ -89,8 +89,8 @@ class View:
         object.__setattr__(self, "percept", next(seen, None))
 
 
-MoverDetection = Callable[[signals.Frame, signals.Odometry], tuple[signals.MovingObject, ...]]
-"""Detects the moving objects in a frame; the odometry is of (about) its time."""
+MoverDetection = Callable[..., tuple[signals.MovingObject, ...]]
+"""Detects the moving objects in a frame, by odometry of (about) its time and its derotated flow."""
 
 
 class Vision:
@@ -153,7 +153,7 @@ class Vision:
             if correction is not None:
                 corrections.append(correction)
         with timed(self.timings, "movers"):
-            moving_objects = self.detect(frame, odometry)
+            moving_objects = self.detect(frame, odometry, flows[-1] if flows else None)
             stixels = self._detector.stixels(self._frames.pairs(), odometry)
         return View(tuple(flows), tuple(percepts), moving_objects, stixels, tuple(corrections))
 

@@ -236,6 +236,24 @@ def test_give_way_allows_the_least_bad_command() -> None:
     assert proposal.prohibition.min() < 0.5
 
 
+def test_give_way_backs_away_only_from_what_is_close() -> None:
+    # it passes ahead of the robot; what is behind is not seen
+    back, standing = COMMANDS.nearest(Twist(-0.15, 0.0)), COMMANDS.nearest(Twist(0.0, 0.0))
+    passing = give_way_proposal((1.0, -0.8, 0.0, 0.4), v=0.3).desirability
+    assert passing[back] < 0.3 < passing[standing]
+    close = give_way_proposal((0.55, 0.0, -0.1, 0.0), v=0.0).desirability
+    assert close[back] > 0.3
+
+
+def test_give_way_escapes_where_there_is_room() -> None:
+    # an obstacle approaches; where a wall is ahead, driving on is no escape to compare others with
+    context = scene()
+    free = with_conflicts(context, person(context, 0.9, 0.5, -0.4, -0.2), twist=Twist(0.3, 0.0))
+    walled = replace(free, arcs=replace(free.arcs, free=0.0 * free.arcs.free))
+    prohibited = [behavior_of("give_way").propose(one).prohibition > 0.5 for one in (free, walled)]
+    assert prohibited[0][COMMANDS.v <= 0.0].sum() > prohibited[1][COMMANDS.v <= 0.0].sum()
+
+
 # --- behaviours that use the flow alone -----------------------------------------------------------
 
 

@@ -63,7 +63,9 @@ def test_a_standing_robot_is_reached_at_the_time_that_geometry_gives() -> None:
     assert time == pytest.approx(contact, abs=0.11)
     assert predicted.nearest == pytest.approx(math.hypot(1.2, 0.2) - TOUCH)
     # half a second later the contact is that much nearer
-    later = conflicts(track(1.2, 0.2, -0.5, 0.0), time=0.5)
+    obstacle = track(1.2 - 0.5 * 0.5, 0.2, -0.5, 0.0)
+    obstacle.time = 0.5
+    later = conflicts(obstacle, time=0.5)
     assert closest(later, 0.0, 0.0)[1] == pytest.approx(contact - 0.5, abs=0.11)
 
 
@@ -109,6 +111,28 @@ def test_approach_is_the_way_toward_a_close_obstacle_within_a_moment() -> None:
     # an obstacle half a metre off is not close
     far = conflicts(track(1.0, 0.0, -0.5, 0.0), twist=Twist(0.3, 0.0))
     assert far.approach.max() == 0.0
+
+
+def test_a_close_obstacle_that_leaves_faster_than_the_robot_follows_is_not_approached() -> None:
+    for speed, approached in ((0.5, False), (-0.2, True)):
+        predicted = conflicts(track(0.63, 0.0, speed, 0.0), twist=Twist(0.3, 0.0))
+        assert (predicted.approach[COMMANDS.nearest(Twist(0.3, 0.0))] > 0.02) == approached
+        assert predicted.approach[COMMANDS.nearest(STANDING)] < 0.05
+
+
+def test_an_obstacle_that_is_not_detected_again_may_be_anywhere_near() -> None:
+    seen, lost = track(1.5, 1.0, 0.0, 0.0), track(1.5, 1.0, 0.0, 0.0)
+    seen.time = 2.0
+    near, nearer = (conflicts(one, time=2.0).nearest for one in (seen, lost))
+    assert nearer == pytest.approx(near - 2.0 * 0.2)
+
+
+def test_driving_on_counts_as_well_as_stopping_after_a_second() -> None:
+    # it crosses 1.2 m ahead: straight on meets it, but there is time to stop before
+    crossing = track(1.2, -1.0, 0.0, 0.4)
+    on, _ = closest(conflicts(crossing, twist=Twist(0.3, 0.0)), 0.3, 0.0)
+    assert on > 0.1
+    assert distance_on_way((1.2, -1.0, 0.0, 0.4), 0.3, 0.0, twist=Twist(0.3, 0.0)) < 0.05
 
 
 def test_the_best_duration_of_a_turn_on_the_spot_counts() -> None:
@@ -223,7 +247,10 @@ def test_the_way_of_a_command_is_that_of_its_drive(seed: int) -> None:
     for v, w in itertools.product(COMMANDS.v[::2].tolist(), COMMANDS.w[::2].tolist()):
         if v == 0.0 and w != 0.0:
             continue
-        expected = distance_on_way(tuple(obstacle.state.tolist()), v, w, twist=twist)
+        moving = tuple(obstacle.state.tolist())
+        drives_on = distance_on_way(moving, v, w, twist=twist)
+        stops = distance_on_way(moving, 0.0, w, twist=twist, v_turning=v)
+        expected = max(drives_on, stops)
         assert closest(predicted, v, w)[0] == pytest.approx(expected, abs=0.08)
         compared += 1
     assert compared > 20

@@ -113,8 +113,8 @@ def test_association_weighs_place_against_velocity(
     assert (near.hits, other.hits) == ((6, 5) if keeps else (5, 6))
 
 
-@pytest.mark.parametrize(("apart", "merged"), [(0.29, True), (0.31, False)])
-def test_tracks_closer_than_the_merge_distance_are_one(apart: float, merged: bool) -> None:
+@pytest.mark.parametrize(("apart", "merged"), [(0.49, True), (0.51, False)])
+def test_a_new_track_close_to_an_old_one_is_that_of_who_turned(apart: float, merged: bool) -> None:
     tracker = Tracker(ROBOT, TrackerParams(gate=0.5))
     old = Track(np.array([AHEAD + AWAY, apart, 0.0, 0.0]), 1e-6 * np.eye(4), 0.22, 0.0, 7)
     tracker.tracks = [old]
@@ -123,6 +123,15 @@ def test_tracks_closer_than_the_merge_distance_are_one(apart: float, merged: boo
     assert new is not old
     assert (old in tracker.tracks) != merged
     assert new.hits == (7 if merged else 1)
+
+
+@pytest.mark.parametrize(("apart", "merged"), [(0.29, True), (0.31, False)])
+def test_tracks_closer_than_the_merge_distance_are_one(apart: float, merged: bool) -> None:
+    tracker = Tracker(ROBOT)
+    old = Track(np.array([AHEAD + AWAY, apart, 0.0, 0.0]), 1e-6 * np.eye(4), 0.22, 0.0, 7)
+    tracker.tracks = [old, placed(0.0, 0.0)]
+    tracker.update([detection(0.1, 0.0, AWAY - 0.22)], START)
+    assert (old in tracker.tracks) != merged
 
 
 def test_two_detections_are_never_one_track_nor_merged() -> None:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from navfw.egomotion.pairing import camera_motion
 from navfw.movers.localization import locate_moving_objects
-from navfw.movers.motion_segmentation import direction_sigma, segment_motion
+from navfw.movers.motion_segmentation import crossing_cells, direction_sigma, segment_motion
 from navfw.movers.stixels import find_stixels
 from navfw.numerics import Array
 from navfw.robot import CameraModel, RobotModel, SideViews
@@ -32,13 +32,14 @@ def flow_of(
     motion: CameraMotion,
     own: tuple[float, float] = (0.0, 0.0),
     camera: CameraModel = CAMERA,
+    points: Array = POINTS,
 ) -> Array:
-    """Exact derotated flow at POINTS of surfaces of ``nearness``, moving by ``own`` [m/s].
+    """Exact derotated flow at ``points`` of surfaces of ``nearness``, moving by ``own`` [m/s].
 
     ``own`` is (ahead, left) in base_link.
     """
     s = motion.translation - camera.base_from_camera.T @ np.array([*own, 0.0]) * DT
-    lever = POINTS * s[2] - camera.focal * s[:2]
+    lever = points * s[2] - camera.focal * s[:2]
     return np.asarray(lever * (nearness / (1.0 + s[2] * nearness))[..., None])
 
 
@@ -202,16 +203,61 @@ def test_static_things_seem_no_nearer_than_their_foot(
     depth: float, left: float, way: float
 ) -> None:
     flow = scene(way, (depth, left, 0.5), (0.0, 0.0), noise=0.1)
-    assert not segment_motion(flow, CAMERA.fall_per_depth(flow.points), CAMERA).any()
+    moving, _ = segment_motion(flow, CAMERA.fall_per_depth(flow.points), CAMERA)
+    assert not moving.any()
 
 
 def test_patches_keep_their_place() -> None:
     # every cell marked as moving is on the crossing object
     flow = scene(0.05, (1.2, 0.0, 0.5), (0.0, 0.4))
-    moving = segment_motion(flow, CAMERA.fall_per_depth(flow.points), CAMERA)
+    moving, _ = segment_motion(flow, CAMERA.fall_per_depth(flow.points), CAMERA)
     body = (np.abs(X * 1.2 / CAMERA.focal) < 0.25) & (1.2 * CAMERA.focal > Y)
     assert moving.any()
     assert not (moving & ~body).any()
+
+
+WINDOWS = np.stack(np.meshgrid(10.0 * (np.arange(16) - 7.5), 10.0 * (np.arange(12) - 5.5)), axis=-1)
+"""Centres of the windows of the whole image [px]."""
+
+
+def whole_image(
+    way: float, body: tuple[float, float, float], own: tuple[float, float]
+) -> FlowField:
+    """Flow of the whole image with a tall body (ahead, left, width) that moves by ``own``."""
+    motion = driven(way)
+    x, y = np.moveaxis(WINDOWS, -1, 0) / CAMERA.focal
+    depth, left, width = body
+    behind = np.maximum(np.maximum(y, 0.0) / CAMERA.mount_height, 1.0 / 5.0)
+    hit = (np.abs(x * depth + left) < 0.5 * width) & (y * depth < CAMERA.mount_height)
+    static = flow_of(behind, motion, points=WINDOWS)
+    moving = flow_of(np.full(x.shape, 1.0 / depth), motion, own, points=WINDOWS)
+    vectors = np.where(hit[..., None], moving, static)
+    vectors += np.random.default_rng(0).normal(0.0, 0.15, vectors.shape)
+    known = np.ones(x.shape)
+    return FlowField(1.0, WINDOWS, vectors, known, 0.2 * known, motion, derotated=True)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_what_approaches_on_a_constant_bearing_is_seen_above_the_horizon(side: float) -> None:
+    # robot and person meet in 1.7 s; as often 2 m away, its lower part is not matched
+    way, body = 0.14, (2.0, 0.8 * side, 0.5)
+    own = -0.5, -0.48 * side
+    dense, whole = scene(way, body, own, noise=0.1), whole_image(way, body, own)
+    upright = (np.abs(X / CAMERA.focal * 2.0 + body[1]) < 0.3) & (CAMERA.focal * 0.35 / 2.0 > Y)
+    dense = dataclasses.replace(dense, confidence=1.0 * ~upright, inconsistency=None)
+    assert not locate_moving_objects(dense, CAMERA)
+    (person,) = locate_moving_objects(dense, CAMERA, whole)
+    assert person.bearing == pytest.approx(math.atan2(body[1], body[0]), abs=0.1)
+    assert person.distance == pytest.approx(math.hypot(*body[:2]), rel=0.25)
+    ahead, left = person.velocity()
+    assert ahead < -0.1, "its foot is known to a cell"
+    assert left == pytest.approx(own[1], abs=0.15)
+
+
+@pytest.mark.parametrize("depth", [1.0, 2.0])
+def test_nothing_static_crosses_however_near(depth: float) -> None:
+    for left in (-0.6, 0.0, 0.4):
+        assert not crossing_cells(whole_image(0.14, (depth, left, 0.5), (0.0, 0.0)), CAMERA)
 
 
 def located(depth: float) -> float:
@@ -252,7 +298,7 @@ def test_skidding_wheels_move_no_floor(turn: float, farther: float) -> None:
             motion=believed,
             inconsistency=None,
         )
-        found[skid] = segment_motion(flow, camera.fall_per_depth(POINTS), camera)
+        found[skid], _ = segment_motion(flow, camera.fall_per_depth(POINTS), camera)
     assert not found[0.08].any()
     assert found[0.0].any() == (farther > 0.0)
 

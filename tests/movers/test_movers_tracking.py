@@ -209,6 +209,19 @@ def test_old_tracks_that_overlap_the_robot_are_dropped(away: float, kept: bool) 
         assert bool(tracker.tracks) == (kept or age < 0.25)
 
 
+def test_a_track_out_of_view_ends_at_a_wall_and_not_in_its_own_cells() -> None:
+    tracker = Tracker(ROBOT)
+    track = Track(np.array([0.0, 1.5, 0.0, 0.5]), np.eye(4), 0.22, 0.0, 5)
+    tracker.tracks = [track]
+
+    def occupied(x: float, y: float) -> bool:
+        return y < 1.95 or y > 2.4  # its own cells, and a wall
+
+    for tenth in range(31):
+        tracker.prune(0.1 * tenth, START, occupied)
+    assert track.predict(3.0) == track.predict(2.0) == pytest.approx((0.0, 2.45), abs=0.06)
+
+
 def test_reset_drops_all_tracks() -> None:
     tracker = Tracker(ROBOT)
     cross(tracker, 0.5, 0.3)
