@@ -245,6 +245,7 @@ class LocalMap:
         percepts: Sequence[Percept],
         stixels: Stixels | None,
         seen_from: Pose,
+        low_things: Array | None = None,
     ) -> None:
         """Move the map with the robot and integrate what the newest frame shows.
 
@@ -263,6 +264,8 @@ class LocalMap:
                 self.drops.integrate(percept, seen_from)
         if stixels is not None:
             self.occupancy.integrate_stixels(stixels, seen_from)
+        if low_things is not None:
+            self.occupancy.integrate_low(low_things, seen_from)
 
     def set_obstacles(self, moving_obstacles: tuple[OccupiedDisc, ...]) -> None:
         """Count missing floor, and ``moving_obstacles``, as occupied until the next call."""

@@ -17,9 +17,10 @@ from pydantic import Field, model_validator
 
 from navfw.config.strict_model import StrictModel
 from navfw.localmap.cell_arrays import cell_disc, distances, shifted
+from navfw.localmap.low_layer import add_low_things, with_low_things
 from navfw.localmap.sensor_kernels import cast_evidence, decay_view, merge_evidence, rays_of
 from navfw.numerics import Array, Mask
-from navfw.robot import CameraModel, Footprint, RobotModel
+from navfw.robot import Footprint, RobotModel
 from navfw.signals import OccupiedDisc, Percept, Pose, Stixels
 
 CLAMP_MIN = -1.5  # chosen
@@ -113,7 +114,7 @@ class OccupancyGrid:
         # wider by the closed gap: one erosion takes back both
         self._margin = np.ones((2 * round(_SIDE_MARGIN / p.cell) + len(_GAP),) * 2, np.uint8)
         self._body = cell_disc(round(robot.radius / p.cell) + len(_GAP) // 2).view(np.uint8)
-        blind = _floor_in_view_from(robot.camera)
+        blind = robot.camera.floor_in_view_from
         shares = *p.cell_share, _LOW_PASS, OVER_WEIGHT
         self._limits = np.array([p.range, HIT_WIDTH, *shares, blind])
         self._hit_weights = np.array([0.0, 0.0, 1.0, DROP_WEIGHT, 1.0])  # in the order of Label
@@ -132,6 +133,7 @@ class OccupancyGrid:
         self._obstacles: tuple[OccupiedDisc, ...] = ()
         self._walls: Array = np.empty((0, 2))
         self._doubted: Array = np.zeros(self.log_odds.shape)
+        self._low: Array = np.zeros(self.log_odds.shape)
         self._clearance: Array | None = None
         self._blind_clearance: Array | None = None
         self._observed: npt.NDArray[np.uint8] | None = None
@@ -152,9 +154,12 @@ class OccupancyGrid:
             if max(abs(s) for s in shift) > round(_SHIFT / cell):
                 self.log_odds = shifted(self.log_odds, *shift)
                 self._doubted = shifted(self._doubted, *shift)
+                self._low = shifted(self._low, *shift)
                 self._origin = corner
         if self._time is not None and time > self._time:
-            self.log_odds *= math.exp((self._time - time) / self.params.decay)
+            kept = math.exp((self._time - time) / self.params.decay)
+            self.log_odds *= kept
+            self._low *= kept
         self._time = time
         self._mark_footprint(pose)
         self._forget_derived()
@@ -235,6 +240,11 @@ class OccupancyGrid:
             np.zeros(slope.size),
         )
 
+    def integrate_low(self, low_things: Array, pose: Pose) -> None:
+        """Add the evidence of ``low_things`` (n, 3), seen from odom ``pose``."""
+        add_low_things(self._low, low_things, pose, self.origin, self.params.cell)
+        self._forget_derived()
+
     def _camera_position(self, pose: Pose) -> tuple[float, float]:
         """Return the position (x, y) [m] of the camera in odom."""
         return pose.to_parent(self.robot.camera.mount_forward, 0.0)
@@ -311,7 +321,7 @@ class OccupancyGrid:
     def occupied(self) -> Mask:
         """Which cells (n, n) are occupied: by log-odds, in doubt, or by a set obstacle."""
         least = min(self.params.occupied, _WEAK_OCCUPIED if self._weak_sight else math.inf)
-        occupied = self.log_odds >= least
+        occupied = with_low_things(self.log_odds >= least, self._low)
         if self._doubted.any():
             occupied |= (self._doubted > 0.0) & (cv2.dilate(self.observed, _GAP) == 0)
         return self._painted(occupied, self._obstacles)
@@ -386,11 +396,3 @@ class OccupancyGrid:
 
     def _distances(self, occupied: Mask) -> Array:
         return distances(occupied, self.params.cell, self.params.extent)
-
-
-def _floor_in_view_from(camera: CameraModel) -> float:
-    """Return the distance [m] from the camera from which on floor is in view; inf if never."""
-    edge = np.array([0.0, 0.5 * camera.height])
-    fall = float(camera.fall_per_depth(edge))
-    ahead = math.cos(camera.pitch) - edge[1] / camera.focal * math.sin(camera.pitch)
-    return float(camera.mount_height * ahead / fall) if fall > 0.0 else math.inf

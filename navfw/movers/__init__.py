@@ -14,7 +14,8 @@ The data flow in one direction, from image cells to predicted conflicts:
 6. ``conflict_prediction`` moves robot and tracks on together and gives, for every command, distance
    and time at closest approach.
 
-``stixels`` uses the same dense flow for static obstacles: thin poles, by image columns.
+``stixels`` uses the same dense flow for static obstacles: thin poles, by image columns;
+``low_things`` compares the floor with that of an image farther back.
 
 Vision runs 1 to 4; the stack owns the tracker and the predictor and hands their result to MOFIS,
 the discs that tracks occupy to the local map.

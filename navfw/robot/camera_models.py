@@ -143,6 +143,14 @@ class CameraModel(StrictModel):
         factors = range(self.width // _WORKING_WIDTH, 1, -1)
         return next((factor for factor in factors if parts % factor == 0), 1)
 
+    @property
+    def floor_in_view_from(self) -> float:
+        """Distance [m] ahead of the camera from which on floor is in view; inf if it never is."""
+        edge = np.array([0.0, 0.5 * self.height])
+        fall = float(self.fall_per_depth(edge))
+        ahead = math.cos(self.pitch) - edge[1] / self.focal * math.sin(self.pitch)
+        return float(self.mount_height * ahead / fall) if fall > 0.0 else math.inf
+
     def fall_per_depth(self, points: Array, pitch: float | None = None) -> Array:
         """Compute how far [m] rays through ``points`` (..., 2) [px] fall per metre of depth.
 

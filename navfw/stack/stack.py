@@ -344,7 +344,7 @@ class Stack:
         with timed(self.timings, "motion"):
             if self.safety.senses.seeing:
                 self.local_map.sight.observe_image(frame.image)
-            self.local_map.update(odometry, view.percepts, view.stixels, seen_from)
+            self.local_map.update(odometry, view.percepts, view.stixels, seen_from, view.low_things)
             if self.known_walls is not None:
                 walls = self.known_walls.around(belief, odometry.pose)
                 self.local_map.occupancy.set_walls(walls)

@@ -19,7 +19,8 @@ from navfw.flow.grid_flow import above_horizon, align_past, with_shutter_sigma
 from navfw.guard.guarded_stages import GuardedFlow, GuardedPerception
 from navfw.lenses import Undistortion
 from navfw.movers import MultiViewDetector
-from navfw.numerics import Image
+from navfw.movers.low_things import LowThings
+from navfw.numerics import Array, Image
 from navfw.numerics.products import product
 from navfw.robot import CameraEffects, CameraModel, RobotModel
 from navfw.stack.stackfile import StackSettings
@@ -73,14 +74,16 @@ class View:
 
     ``flows`` are the derotated flow fields of all useful pairs and ``percepts`` what OFFIS makes of
     them; empty while the robot has not moved, and where the stage fails. ``moving_objects`` are
-    detections in all views, ``stixels`` upright obstacles by image columns. ``yaw_corrections`` are
-    for the odometer. ``percept`` is the newest of the percepts with any depth.
+    detections in all views, ``stixels`` upright obstacles by image columns, ``low_things`` what
+    ``LowThings.search`` found. ``yaw_corrections`` are for the odometer. ``percept`` is the newest
+    of the percepts with any depth.
     """
 
     flows: tuple[signals.FlowField, ...] = ()
     percepts: tuple[signals.Percept, ...] = ()
     moving_objects: tuple[signals.MovingObject, ...] = ()
     stixels: signals.Stixels | None = None
+    low_things: Array | None = None
     yaw_corrections: tuple[signals.YawCorrection, ...] = ()
     percept: signals.Percept | None = field(init=False)
 
@@ -115,6 +118,7 @@ class Vision:
         self._shutter = robot.camera_effects if robot.camera.calibration else CameraEffects()
         self._settings = settings
         self._frames = FrameBuffer(robot, settings.pairing)
+        self._low_things = LowThings(robot)
         self._detector = MultiViewDetector(
             robot,
             settings.pairing,
@@ -130,6 +134,7 @@ class Vision:
         self.flow.reset()
         self.perception.reset()
         self._detector.reset()
+        self._low_things.reset()
 
     def process(self, frame: signals.Frame, odometry: signals.Odometry) -> View:
         """Compare ``frame`` with earlier ones; ``odometry`` is of (about) the same time."""
@@ -155,7 +160,12 @@ class Vision:
         with timed(self.timings, "movers"):
             moving_objects = self.detect(frame, odometry, flows[-1] if flows else None)
             stixels = self._detector.stixels(self._frames.pairs(), odometry)
-        return View(tuple(flows), tuple(percepts), moving_objects, stixels, tuple(corrections))
+            metric = self._settings.floor_model and self._settings.derotate
+            low_things = self._low_things.search(frame, odometry) if metric else None
+        return View(
+            *(tuple(flows), tuple(percepts), moving_objects, stixels, low_things),
+            yaw_corrections=tuple(corrections),
+        )
 
     def _derotated(
         self, flow: signals.FlowField, odometry: signals.Odometry

@@ -1,0 +1,44 @@
+"""The layer of low things in the occupancy grid: log-odds that rays to the floor do not clear."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+
+from navfw.numerics import Array, Mask
+from navfw.signals import Pose
+
+_BOUNDS, _OCCUPIED = (-0.5, 4.0), 1.5  # chosen
+"""Bounds of the log-odds, and those from which on a cell is occupied: two images must show it."""
+_AROUND = np.ones((5, 5), np.uint8)  # chosen
+"""Cells around a low thing that are occupied unless floor was seen there: not all of it shows."""
+
+
+def add_low_things(
+    layer: Array, low_things: Array, pose: Pose, origin: tuple[float, float], cell: float
+) -> None:
+    """Add ``low_things`` (n, 3), seen from odom ``pose``, to ``layer``: of a cell's the largest.
+
+    Rows are x, y [m, base_link] and log-odds; ``origin`` [m, odom] and ``cell`` [m] are the grid's.
+    """
+    low_things = low_things[np.argsort(low_things[:, 2], kind="stable")]
+    c, s = math.cos(pose.yaw), math.sin(pose.yaw)
+    x = pose.x + c * low_things[:, 0] - s * low_things[:, 1] - origin[0]
+    y = pose.y + s * low_things[:, 0] + c * low_things[:, 1] - origin[1]
+    at = np.rint(y / cell).astype(np.intp), np.rint(x / cell).astype(np.intp)
+    layer[at] = np.clip(layer[at] + low_things[:, 2], *_BOUNDS)
+
+
+def with_low_things(occupied: Mask, layer: Array) -> Mask:
+    """Return ``occupied`` with the cells of low things, and with what is around them.
+
+    That is free once floor was seen there, and around the foot of what is occupied anyway.
+    """
+    low = (layer >= _OCCUPIED).view(np.uint8)
+    if not low.any():
+        return occupied
+    grown = low & (cv2.dilate(occupied.view(np.uint8), _AROUND) == 0)
+    grown = np.asarray(cv2.dilate(grown, _AROUND) > 0) & (layer > 0.5 * _BOUNDS[0])
+    return np.asarray(occupied | grown | (low > 0))
