@@ -12,6 +12,8 @@ from navfw import Context, Explain, Proposal, RuledBehavior
 
 MAX_TIME = 7.0
 """Longest duration of one escape [s]."""
+LITTLE = 0.1
+"""Length ahead [m] below which the way counts as unseen, and least reverse to look again."""
 REPEAT_TIME = 15.0
 """Time within which the next one repeats it [s]."""
 
@@ -20,7 +22,8 @@ class Escape(RuledBehavior):
     """Frees a trapped robot: reverses over observed floor, then turns to the freest direction.
 
     Reversing gives depth, too, and clears false obstacles ahead (METHOD 2.12). Each escape soon
-    after the last one reverses farther and turns more.
+    after the last one reverses farther and turns more. Where the way ahead is free but unseen, it
+    looks again from farther back, without a turn: turning shows a camera no depth.
     """
 
     name: ClassVar[str] = "escape"
@@ -40,6 +43,7 @@ class Escape(RuledBehavior):
         self._since = 0.0
         self._ended = -math.inf
         self._tries = 0
+        self._looks = False
         self._origin = (0.0, 0.0)
         self._target = 0.0
         self._still_since: float | None = None
@@ -63,7 +67,7 @@ class Escape(RuledBehavior):
 
     def _watch(self, context: Context) -> None:
         """Update the times since the robot stands still, and since every path is barred."""
-        still = abs(context.twist.v) < 0.02 and abs(context.twist.w) < 0.15
+        still = abs(context.twist.v) < 0.02 and abs(context.twist.w) < 0.2
         if not still or context.waypoint is None or context.previous is None:
             self._still_since = None
         elif self._still_since is None:
@@ -77,21 +81,26 @@ class Escape(RuledBehavior):
         soon = context.time - self._ended < REPEAT_TIME
         self._tries = self._tries + 1 if soon else 1
         self._phase = "back"
+        ahead = -1, context.commands.w.size // 2
+        unseen = context.arcs.observed[ahead] < LITTLE <= context.arcs.free[ahead]
+        self._looks = bool(unseen) and self._tries % 2 == 1
         self._since = context.time
         self._origin = (context.pose.x, context.pose.y)
 
     def _advance(self, context: Context) -> None:
         """Advance the phases: reverse, turn, done."""
+        looked = False
         if self._phase == "back":
             pose = context.pose
             distance = math.hypot(pose.x - self._origin[0], pose.y - self._origin[1])
             behind = float(context.arcs.free[0, context.commands.w.size // 2])
             if distance >= self.params.reverse * min(self._tries, 4) or behind < 0.05:
+                looked = self._looks and distance >= LITTLE
                 self._phase = "turn"
                 self._target = pose.yaw + self._freest(context)
         turned = self._phase == "turn" and abs(context.turn_to(self._target)) < 0.12
         too_long = context.time - self._since > MAX_TIME
-        if self._phase != "watch" and (turned or too_long):
+        if self._phase != "watch" and (looked or turned or too_long):
             self._phase = "watch"
             self._ended = context.time
             self._still_since = self._barred_since = None

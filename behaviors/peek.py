@@ -34,7 +34,8 @@ class Peek(RuledBehavior):
         if goal is None:
             return Proposal(0.0, nothing, nothing, "no waypoint")
         toward = int(np.cos(ranges.bearings - goal.bearing).argmax())
-        observed = float(ranges.observed[toward])
+        ahead = context.arcs.observed[context.commands.v > 0.0]
+        observed = min(float(ranges.observed[toward]), float(ahead.max(initial=0.0)))
         verdict = self.rules.evaluate(
             observed=min(observed, 2.0), bearing=math.degrees(goal.bearing)
         )

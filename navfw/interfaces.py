@@ -167,6 +167,11 @@ class Planner(Plugin):
         """Reason why no route leads to the goal at present; None while there is a route."""
         return None
 
+    @property
+    def notes(self) -> str:
+        """What was found to differ from the map, for the result."""
+        return ""
+
 
 class Behavior(Plugin):
     """A primitive behaviour of MOFIS (paper Fig. 1): from the context, a proposal.

@@ -309,6 +309,7 @@ def _print_result(summary: Mapping[str, Any]) -> None:
         "clearance": f"{clearance}, {collisions}",
         "goal": f"{summary['distance_to_goal_m']:.2f} m away, error of the estimated position"
         f" {summary['estimate_error_m']:.2f} m",
+        **({"map": summary["notes"]} if summary["notes"] else {}),
         "speed": f"{summary['real_time_factor']:.1f} x real time ({summary['wall_time_s']:.1f} s)",
         "commands": summary["command_hash"][:16],
         "run folder": summary["run_folder"] or "none, the result could not be written",

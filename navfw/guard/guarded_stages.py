@@ -163,6 +163,11 @@ class GuardedPlanner(GuardedStage[interfaces.Planner]):
         """Why no route leads to the goal; None while there is one."""
         return self._attempt(lambda: self.plugin.no_route_reason, check=answers.check_reason)
 
+    @property
+    def notes(self) -> str:
+        """What was found to differ from the map."""
+        return self._attempt(lambda: self.plugin.notes, check=answers.check_reason) or ""
+
 
 class GuardedController(GuardedStage[interfaces.Controller]):
     """LOCOM; standstill at a tick at which it fails."""

@@ -249,6 +249,7 @@ _CHECKS: Mapping[str, Callable[[Any, str], Any]] = {
     "obstacles": partial(answers.mapping_of, check=_texts),
     "quadrants": _quadrants,
     "explanation": _explanation,
+    "normal": lambda value, what: None if value is None else _point(value, what),
     "width": _width,
     "passage": _two_names,
 }

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -22,12 +23,13 @@ from navfw.localmap.ray_kernels import (
     sweep_arcs,
     sweep_body,
 )
-from navfw.numerics import Array
+from navfw.numerics import Array, Mask
 from navfw.robot import RobotModel
 from navfw.signals import Pose, Twist
 from navfw.signals.immutability import Frozen, read_only
 
 _SECTORS = 48  # chosen
+_BESIDE = np.ones((3, 3), np.uint8)  # defined
 
 _BEARINGS = read_only(np.linspace(-math.pi, math.pi, _SECTORS + 1)[1:])  # defined
 
@@ -37,8 +39,9 @@ class Arcs(Frozen):
     """Free distance along the arc of every command; arrays (n_v, n_w) [m] but for ``turn``.
 
     ``free`` is the length until the body would touch an occupied cell (driving backward, also one
-    not observed free), ``observed`` that until its centre, or the middle of the leading end of a
-    body that is not round, would enter a cell not observed free, both at most ``reach``.
+    not observed free, unless along its own track), ``observed`` that until its centre, or the
+    middle of the leading end of a body that is not round, would enter a cell not observed free
+    (backward: its rim), both at most ``reach``.
     ``clearance`` is the least distance from the body's rim to an occupied cell over the first 0.6
     m. ``turn`` (n_w,) [rad] is the angle until a turn on the spot touches one; inf beyond 0.5 rad.
     """
@@ -70,25 +73,30 @@ def arcs_of(
     turn = np.full(turns.size, math.inf)
     robot = occupancy.robot
     ground = ground_of(occupancy, occupancy.footprint_observed, occupancy.clearance)
-    start = _start(pose)
-    if robot.footprint is None:
-        radius = robot.radius + margin
-        filled = free, observed, clearance
-        sweep_arcs(ground, start, speeds, turns, radius, reach, horizon, *filled)
-    else:
-        discs = np.array(robot.discs)
-        forward, spot = speeds > 0.0, speeds == 0.0
-        for rows, around in ((forward, ground), (~forward, blind_ground(occupancy))):
-            swept = np.empty((3, int(rows.sum()), turns.size))
-            sweep_body(around, start, speeds[rows], turns, discs, margin, reach, horizon, *swept)
-            free[rows], observed[rows], clearance[rows] = swept
-        turn[:] = _angle(free[spot], reach).min(axis=0, initial=math.inf)
+    behind = blind_ground(occupancy)
+    start, discs, forward = _start(pose), np.array(robot.discs), speeds > 0.0
+
+    def swept(ground: Ground, rows: Mask) -> Array:
+        lengths = np.empty((3, int(rows.sum()), turns.size))
+        if robot.footprint is None:
+            radius = robot.radius + margin
+            sweep_arcs(ground, start, speeds[rows], turns, radius, reach, horizon, *lengths)
+        else:
+            sweep_body(ground, start, speeds[rows], turns, discs, margin, reach, horizon, *lengths)
+        return lengths
+
+    free[forward], observed[forward], clearance[forward] = swept(ground, forward)
+    seen = ground_of(occupancy, occupancy.footprint_observed, behind[0])
+    free[~forward], observed[~forward], clearance[~forward] = swept(seen, ~forward)
+    if robot.footprint is not None:
+        turn[:] = _angle(free[speeds == 0.0], reach).min(axis=0, initial=math.inf)
     # The camera does not look back: behind the robot, unobserved cells count as occupied. (Its own
     # footprint is observed, so its rim and not its centre must stay out of the unobserved.)
-    backward = slice(0, int(np.searchsorted(speeds, 0.0)))
-    behind = np.maximum(observed[backward] - robot.disc_radius - margin, 0.0)
-    behind[observed[backward] >= reach] = reach
-    free[backward] = np.minimum(free[backward], behind)
+    backward, rim = speeds < 0.0, robot.disc_radius + margin
+    known = np.stack([observed[backward], swept(behind, backward)[1]])
+    known = np.where(known < reach, np.maximum(known - rim, 0.0), reach)
+    observed[backward] = known[0]
+    free[backward] = np.minimum(free[backward], known[1])
     return Arcs(free, observed, clearance + margin, turn, reach)
 
 
@@ -104,7 +112,7 @@ def free_distance(
     if not (occupancy.located and occupancy.contains(pose.x, pose.y)):
         return FreeDistance(0.0, 0.0)
     v, w, robot = float(twist.v), float(twist.w), occupancy.robot
-    seen = occupancy.footprint_observed
+    seen = _observed_behind(occupancy) if v < 0.0 else occupancy.footprint_observed
     if robot.footprint is None:
         # an obstacle that is 0.2 m beside the body's path, or more, does not bar it
         near = occupancy.clearance_near(pose.x, pose.y, reach + robot.radius + 0.2)
@@ -144,12 +152,19 @@ def ground_of(
 
 
 def blind_ground(occupancy: OccupancyGrid) -> Ground:
-    """Return the arrays for turns on the spot, and reversing, of a body that is not round.
+    """Return the arrays for reversing, and for turns on the spot of a body that is not round.
 
     Beside a doorway the camera has seen a wall's near side only; the corners of a long body turn
     towards its far side.
     """
-    return ground_of(occupancy, occupancy.footprint_observed, occupancy.blind_clearance)
+    is_round = occupancy.robot.footprint is None
+    around = occupancy.clearance if is_round else occupancy.blind_clearance
+    return ground_of(occupancy, _observed_behind(occupancy), around)
+
+
+def _observed_behind(occupancy: OccupancyGrid) -> npt.NDArray[np.uint8]:
+    """Return where floor was seen, (n, n) for driving backward: the own track counts as seen."""
+    return occupancy.footprint_observed | (cv2.dilate(occupancy.driven, _BESIDE) > 0.0)
 
 
 def _start(pose: Pose) -> Start:

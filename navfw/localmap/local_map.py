@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Annotated
 
+import cv2
 import numba
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +17,12 @@ from navfw.localmap import free_distances
 from navfw.localmap.local_planner import LocalGoal, LocalPlanner, LocalPlannerParams
 from navfw.localmap.occupancy_grid import OccupancyGrid, OccupancyParams
 from navfw.localmap.path_sight import PathSight
-from navfw.localmap.traversability import MAX_SIGMA, TraversabilityCheck, TraversabilityParams
+from navfw.localmap.traversability import (
+    MAX_SIGMA,
+    TraversabilityCheck,
+    TraversabilityParams,
+    find_opening,
+)
 from navfw.numerics import Array
 from navfw.robot import RobotModel
 from navfw.signals import (
@@ -272,6 +278,13 @@ class LocalMap:
         drops = self.drops.discs() if self.params.memory else ()
         self.occupancy.set_obstacles((*moving_obstacles, *drops))
 
+    def forget_track(self, discs: tuple[OccupiedDisc, ...]) -> None:
+        """Count floor within ``discs`` of moving obstacles as driven over no longer."""
+        grid = self.occupancy
+        for disc in discs:
+            reach = round((disc.radius + grid.robot.reach) / grid.params.cell)
+            cv2.circle(grid.driven, grid.index(disc.x, disc.y)[::-1], reach, 0, cv2.FILLED)
+
     # --- queries ---------------------------------------------------------------------------------
 
     def free_distance(self, pose: Pose, twist: Twist) -> free_distances.FreeDistance:
@@ -318,10 +331,13 @@ class LocalMap:
         asked = queries()
         passages = self.traversability.check(self.occupancy, asked, pose, belief, time)
         drops = (pose.to_local(*point) for point in self.drops.points())
-        covered = (query.end for query in asked if self._covers(query.end, pose, belief))
+        covered = [query for query in asked if self._covers(query.end, pose, belief)]
+        places = ((q.end, find_opening(self.occupancy, q, pose, belief)) for q in covered)
         in_map = tuple(belief.pose.to_parent(*drop) for drop in drops)
         lines = self._sight_lines(asked, pose, belief)
-        return PassageReport(time, passages, in_map, tuple(covered), lines)
+        ends = tuple(query.end for query in covered)
+        openings = tuple((end, opening) for end, opening in places if opening is not None)
+        return PassageReport(time, passages, in_map, ends, lines, openings)
 
     def _sight_lines(
         self, legs: Sequence[PassageQuery], pose: Pose, belief: Belief

@@ -102,7 +102,7 @@ class OccupancyGrid:
 
     ``log_odds`` and all other arrays are (n, n), indexed [row, column] = [y, x]; ``origin`` is the
     odom position [m] of the centre of cell [0, 0]. A cell without evidence has log-odds 0: neither
-    occupied nor observed free.
+    occupied nor observed free. ``driven`` is 1 along the track of the robot's rear, up to its rim.
     """
 
     def __init__(self, robot: RobotModel, params: OccupancyParams | None = None) -> None:
@@ -114,9 +114,8 @@ class OccupancyGrid:
         # wider by the closed gap: one erosion takes back both
         self._margin = np.ones((2 * round(_SIDE_MARGIN / p.cell) + len(_GAP),) * 2, np.uint8)
         self._body = cell_disc(round(robot.radius / p.cell) + len(_GAP) // 2).view(np.uint8)
-        blind = robot.camera.floor_in_view_from
         shares = *p.cell_share, _LOW_PASS, OVER_WEIGHT
-        self._limits = np.array([p.range, HIT_WIDTH, *shares, blind])
+        self._limits = np.array([p.range, HIT_WIDTH, *shares, robot.camera.floor_in_view_from])
         self._hit_weights = np.array([0.0, 0.0, 1.0, DROP_WEIGHT, 1.0])  # in the order of Label
         self._footprint = cell_disc(round(robot.radius / p.cell))
         # the evidence of one frame; zero between frames
@@ -132,8 +131,7 @@ class OccupancyGrid:
         self._weak_sight = False
         self._obstacles: tuple[OccupiedDisc, ...] = ()
         self._walls: Array = np.empty((0, 2))
-        self._doubted: Array = np.zeros(self.log_odds.shape)
-        self._low: Array = np.zeros(self.log_odds.shape)
+        self._doubted, self.driven, self._low = np.zeros((3, self.size, self.size))
         self._clearance: Array | None = None
         self._blind_clearance: Array | None = None
         self._observed: npt.NDArray[np.uint8] | None = None
@@ -149,12 +147,11 @@ class OccupancyGrid:
         if self._origin is None:
             self._origin = corner
         else:
-            ends = zip(corner, self._origin, strict=True)
-            shift = [round((new - old) / cell) for new, old in ends]
+            shift = [round((to - at) / cell) for to, at in zip(corner, self._origin, strict=True)]
             if max(abs(s) for s in shift) > round(_SHIFT / cell):
-                self.log_odds = shifted(self.log_odds, *shift)
-                self._doubted = shifted(self._doubted, *shift)
-                self._low = shifted(self._low, *shift)
+                grids = self.log_odds, self._doubted, self.driven, self._low
+                moved = [shifted(grid, *shift) for grid in grids]
+                self.log_odds, self._doubted, self.driven, self._low = moved
                 self._origin = corner
         if self._time is not None and time > self._time:
             kept = math.exp((self._time - time) / self.params.decay)
@@ -162,6 +159,10 @@ class OccupancyGrid:
             self._low *= kept
         self._time = time
         self._mark_footprint(pose)
+        rear = min(disc[0] for disc in self.robot.discs)
+        rim = pose.to_parent(rear - self.robot.disc_radius + 1.5 * cell, 0.0)
+        end = self.index(*pose.to_parent(rear, 0.0))[::-1]
+        cv2.line(self.driven, self.index(*rim)[::-1], end, 1)
         self._forget_derived()
 
     def _mark_footprint(self, pose: Pose) -> None:
@@ -174,9 +175,8 @@ class OccupancyGrid:
         self.log_odds[window][self._footprint] = CLAMP_MIN
 
     def _mark_rectangle(self, footprint: Footprint, pose: Pose) -> None:
-        half = 0.5 * footprint.width
-        corners = [(x, y) for x in (footprint.front, -footprint.rear) for y in (half, -half)]
-        corners[2:] = reversed(corners[2:])
+        front, rear, half = footprint.front, -footprint.rear, 0.5 * footprint.width
+        corners = (front, half), (front, -half), (rear, -half), (rear, half)
         cells = [self.index(*pose.to_parent(*corner))[::-1] for corner in corners]
         under = np.zeros(self.log_odds.shape, np.uint8)
         cv2.fillConvexPoly(under, np.array(cells), 1)

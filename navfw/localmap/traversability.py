@@ -43,6 +43,13 @@ _START_RADIUS = 0.5  # chosen
 not close every leg."""
 
 
+_ALONG_WALL, _WALL_DEPTH, _STEP = 1.0, 0.2, 0.05  # chosen
+"""Distances [m] along and across its wall, in steps, at which a door's opening is looked for."""
+_SPARE = 0.3  # chosen
+"""Distance [m] kept from the ends of where the body fits through an opening."""
+_GAPS = np.ones((3, 3), np.uint8)  # defined
+
+
 class TraversabilityParams(StrictModel):
     """Which legs are checked, how wide and how often."""
 
@@ -165,6 +172,35 @@ def _gate(occupancy: OccupancyGrid, leg: Leg) -> Gate:
     length = math.dist(start, end)
     ux, uy = (end[0] - start[0]) / length, (end[1] - start[1]) / length
     return *occupancy.origin, occupancy.params.cell, *end, ux, uy, half
+
+
+def find_opening(
+    grid: OccupancyGrid, query: PassageQuery, pose: Pose, belief: Belief
+) -> tuple[float, float] | None:
+    """Return the opening [m, map] nearest to a door at the end of ``query``, if one was seen.
+
+    The body has room all across the wall there, over floor that was observed.
+    """
+    if query.normal is None:
+        return None
+    across = np.array(query.normal)
+    off, deep = (np.arange(-far, far + _STEP, _STEP) for far in (_ALONG_WALL, _WALL_DEPTH))
+    along = off[:, None] * (across[1], -across[0]) + query.end
+    points = (along[:, None] + deep[:, None] * across).reshape(-1, 2)
+    to = pose.points_to_parent(belief.pose.points_to_local(points))
+    cells = np.rint((to - grid.origin) / grid.params.cell).astype(np.intp)
+    columns, rows = np.clip(cells, 0, grid.size - 1).T
+    free = (grid.clearance[rows, columns] >= grid.robot.radius) & (
+        cv2.dilate(grid.observed, _GAPS)[rows, columns] > 0
+    )
+    fits = free.reshape(len(off), -1).all(axis=1)
+    ends = np.flatnonzero(np.diff(fits, prepend=False, append=False)).reshape(-1, 2)
+    if not len(ends):
+        return None
+    first, last = min(ends - (0, 1), key=lambda run: max(off[run[0]], -off[run[1]]))
+    spare = min((last - first) // 2, round(_SPARE / _STEP))
+    x, y = along[min(max(len(off) // 2, first + spare), last - spare)]
+    return float(x), float(y)
 
 
 @numba.njit(cache=True)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Self
 
 from navfw.signals import Pose, Waypoint
 
@@ -38,46 +39,54 @@ class Outcome(StrEnum):
 
 
 class Cause(StrEnum):
-    """Why a run failed."""
+    """Why a run failed; ``sentence`` says what a person sees, of a ``body`` or a ``waypoint``."""
 
-    MOVER = "mover"
+    sentence: str
+
+    def __new__(cls, name: str, sentence: str = "") -> Self:
+        """Make the member ``name``."""
+        cause = str.__new__(cls, name)
+        cause._value_, cause.sentence = name, sentence
+        return cause
+
+    MOVER = "mover", "{body} came into the robot"
     """collided: a mover ran into a robot that was not driving towards it"""
-    REVERSED_INTO = "reversed_into"
+    REVERSED_INTO = "reversed_into", "the robot backed into {body}"
     """collided: driving backwards, with the object behind it"""
-    TURNED_INTO = "turned_into"
+    TURNED_INTO = "turned_into", "the robot turned into {body}, which it had seen"
     """collided: with an object in the local map, beside the field of view"""
-    DROVE_INTO = "drove_into"
+    DROVE_INTO = "drove_into", "the robot drove into {body}, which it had seen"
     """collided: with an object in the local map, ahead"""
-    MAPPED_AS_FREE = "mapped_as_free"
+    MAPPED_AS_FREE = "mapped_as_free", "{body} was taken for free floor"
     """collided: the local map has the object's place as free"""
-    UNSEEN = "unseen_obstacle"
+    UNSEEN = "unseen_obstacle", "{body} was never seen"
     """collided: the local map has the object's place as unknown"""
-    OBSTACLE = "obstacle"
+    OBSTACLE = "obstacle", "the robot touched {body}"
     """collided: with an object; there is no local map to compare with"""
-    PHANTOM_OBSTACLES = "phantom_obstacles"
+    PHANTOM_OBSTACLES = "phantom_obstacles", "the robot saw obstacles where there are none"
     """stuck, timeout: occupied cells far from any object block or lengthen the path"""
-    BLURRED_MAP = "blurred_map"
+    BLURRED_MAP = "blurred_map", "the robot saw things wider than they are"
     """stuck, timeout: occupied cells beside the outlines of objects block or lengthen the path"""
-    LOCAL_GOAL_UNREACHABLE = "local_goal_unreachable"
+    LOCAL_GOAL_UNREACHABLE = "local_goal_unreachable", "things close every way to {waypoint}"
     """stuck, timeout: correctly mapped objects block every path to the local goal"""
     ESTIMATE_UNCERTAIN = "estimate_uncertain"
     """the position estimate at the goal was too uncertain to say that it is reached"""
-    ESTIMATE_ERROR = "estimate_error"
+    ESTIMATE_ERROR = "estimate_error", "the robot was not where it believed to be"
     """lost, stuck, timeout: the position estimate is wrong"""
     GOAL_MISSED = "goal_missed"
     """lost: the position estimate is right, but a goal was not approached closely enough"""
-    NOTHING_SEEN = "nothing_seen"
+    NOTHING_SEEN = "nothing_seen", "nothing of the way ahead was seen"
     """fault, stuck, timeout: next to nothing could be seen of the path ahead"""
-    LITTLE_SEEN = "little_seen"
+    LITTLE_SEEN = "little_seen", "too little of the floor ahead was seen to drive on it"
     """stuck, timeout: the robot was not approaching the goal, and little could be seen of the path
     ahead, so that it drives only over floor observed as such"""
-    OSCILLATING = "oscillating"
+    OSCILLATING = "oscillating", "the robot went to and fro before {waypoint}"
     """stuck, timeout: the robot drives or turns without approaching the goal"""
-    VETOED = "vetoed"
+    VETOED = "vetoed", "the robot was held back before {waypoint}"
     """stuck, timeout: the safety monitor held the robot, although the local map has a path"""
-    STANDSTILL = "standstill"
+    STANDSTILL = "standstill", "the robot stood before {waypoint} although there was a way"
     """stuck, timeout: the robot stands still, although the local map has a path"""
-    SLOW = "slow"
+    SLOW = "slow", "the robot was still on its way to {waypoint}"
     """timeout: the robot was approaching the goal"""
     EXCEPTION = "exception"
     """fault: an exception"""

@@ -96,7 +96,8 @@ class RunResult(RunMetrics):
     "robot" for any other collision, None without one; ``contacts`` has the first contact of each.
     ``oracle_plugins`` names the plugins that use the simulator's truth, declared or by their
     source. ``faults`` are what plugins did wrong, ``objections`` the plugins that failed in more
-    than a tenth of their calls, but for those that the mission's events made fail.
+    than a tenth of their calls, but for those that the mission's events made fail. ``notes``
+    say what the planner found to differ from the map.
     """
 
     outcome: Outcome
@@ -116,6 +117,7 @@ class RunResult(RunMetrics):
     oracle_plugins: tuple[str, ...]
     faults: tuple[str, ...]
     objections: tuple[str, ...]
+    notes: str
     events: tuple[EventRecord, ...]
 
     def summary(self) -> dict[str, Any]:

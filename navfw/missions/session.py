@@ -273,8 +273,7 @@ class MissionResult(RunResult):
             stage_ms={name: 1e3 * t / frames for name, t in {**stages, **stack.timings}.items()},
             moving=[track for track in (movers, changes) if track is not None],
         )
-        oracles = simulator_users(plugins_of(stack))
-        failed = stack.guard.unreliable
+        oracles, failed = simulator_users(plugins_of(stack)), stack.guard.unreliable
         return cls(
             **vars(metrics),
             outcome=verdict.outcome,
@@ -296,6 +295,7 @@ class MissionResult(RunResult):
             objections=tuple(
                 text for name, text in failed.items() if session.uninvited([f"{name}: "])
             ),
+            notes=stack.planner.notes,
             events=drive.events.log,
             session=session,
             verdict=verdict,

@@ -59,7 +59,7 @@ class Doorways:
     def __init__(self, topo_map: TopoMap) -> None:
         centers, normals = [], []
         for place in topo_map.places.values():
-            normal = _door_normal(topo_map, place) if place.kind == "door" else None
+            normal = door_normal(topo_map, place) if place.kind == "door" else None
             if normal is not None:
                 centers.append((place.x, place.y))
                 normals.append(normal)
@@ -175,7 +175,7 @@ def _foot(topo_map: TopoMap, projection: PassageProjection) -> tuple[float, floa
     return a.x + share * (b.x - a.x), a.y + share * (b.y - a.y)
 
 
-def _door_normal(topo_map: TopoMap, door: Place) -> tuple[float, float] | None:
+def door_normal(topo_map: TopoMap, door: Place) -> tuple[float, float] | None:
     """Return the unit direction through a door, by its one or two passages; None if unclear."""
     beyond = [topo_map.places[p.other(door.name)] for p in topo_map.passages_at(door.name)]
     if len(beyond) not in {1, 2}:

@@ -264,7 +264,7 @@ class Papfis(Planner):
         if self._report is not None:
             changed |= self._blockages.update(self._report, belief.time)
             self._tour.pass_over(self._report.covered, self._at)
-            self._tour.pull(self._report.lines, self._at)
+            self._tour.pull(self._report, self._at)
             self._report = None
         self._tour.replan_if_changed(self._at, changed)
         most = self.params.max_goal_sigma
@@ -285,6 +285,11 @@ class Papfis(Planner):
     def no_route_reason(self) -> str | None:
         """A message that names the closed passages on the only route; None if there is a route."""
         return None if self._tour is None else self._tour.no_route_reason
+
+    @property
+    def notes(self) -> str:
+        """Where doors were found, if not where the map has them."""
+        return "" if self._tour is None else "; ".join(self._tour.doors.notes.values())
 
     @property
     def closed(self) -> Sequence[Passage]:

@@ -10,9 +10,10 @@ from itertools import pairwise
 
 from navfw.errors import MapError
 from navfw.papfis.access import AT_PLACE
+from navfw.papfis.found_doors import FoundDoors
 from navfw.papfis.routes import Endpoint, Route, Router, first_names
 from navfw.papfis.string_pulling import StringPuller
-from navfw.signals import PassageQuery, SightLines, Waypoint
+from navfw.signals import PassageQuery, PassageReport, Waypoint
 from navfw.topomap import Passage, TopoMap
 
 Point = tuple[float, float]
@@ -208,6 +209,7 @@ class Tour:
         self._puller = StringPuller(router, router.costs.robot_width / 2.0)
         self._via: Waypoint | None = None
         self._before_via = self._via_reports = 0
+        self.doors = FoundDoors(router.topo_map)
         self.route: Route | None = None
         self.replans = 0
         self.no_route_reason: str | None = None
@@ -231,7 +233,8 @@ class Tour:
                 break
             end = (waypoint.x, waypoint.y)
             if waypoint.passage is not None:
-                queries.append(PassageQuery(waypoint.passage, start, end, waypoint.width))
+                normal = self.doors.normal(waypoint)
+                queries.append(PassageQuery(waypoint.passage, start, end, waypoint.width, normal))
             so_far += math.dist(start, end)
             start = end
         return queries
@@ -260,14 +263,16 @@ class Tour:
             self._advance(1, at)
             self._came_from = at
 
-    def pull(self, lines: SightLines | None, at: Point) -> None:
-        """Head for the farthest point of the route to which a straight line of ``lines`` leads.
+    def pull(self, report: PassageReport, at: Point) -> None:
+        """Head for the farthest point of the route to which a straight line of ``report`` leads.
 
         No line leads beyond a door in which the body has to be straight, or the place before it.
         """
+        if self.doors.slide(self._ahead, dict(report.openings), at):
+            self._via, self._before_via = None, 0
         if not self._ahead:
             return
-        last = 0
+        lines, last = report.lines, 0
         for waypoint, after in pairwise(self._ahead):
             if self._is_tight(waypoint) or self._is_tight(after):
                 break
@@ -287,7 +292,8 @@ class Tour:
 
     def _is_tight(self, waypoint: Waypoint) -> bool:
         free = 0.5 * waypoint.width - self._passing.body
-        return waypoint.kind == "door" and free <= _FULL_TOLERANCE_CLEARANCE
+        narrow = free <= _FULL_TOLERANCE_CLEARANCE or waypoint.place in self.doors
+        return waypoint.kind == "door" and narrow
 
     def next_waypoint(self, at: Point, *, sure: bool = True) -> Waypoint | None:
         """Return the waypoint to drive to from ``at`` (x, y) [m]; None past the last goal.
@@ -386,7 +392,8 @@ class Tour:
         return distance_to_leg(at, start, (end.x, end.y)) > self._replan_distance
 
     def _waypoints(self, route: Route, goal: Waypoint) -> list[Waypoint]:
-        return waypoints_of(route, goal, self.router.topo_map, self._passing)
+        mapped = waypoints_of(route, goal, self.router.topo_map, self._passing)
+        return [self.doors.as_found(waypoint) for waypoint in mapped]
 
     def _endpoint(self, goal: Waypoint) -> Endpoint:
         on_map = goal.place in self.router.topo_map.places

@@ -86,13 +86,15 @@ class PassageQuery:
     """A leg of the route whose traversability the planner queries.
 
     ``passage`` holds the names of the two places that the leg joins; it goes straight from
-    ``start`` to ``end`` (x, y) [m] in ``map`` through a passage ``width`` [m] wide.
+    ``start`` to ``end`` (x, y) [m] in ``map`` through a passage ``width`` [m] wide. If ``end`` is a
+    door, ``normal`` is the unit direction (x, y) through it.
     """
 
     passage: tuple[str, str]
     start: tuple[float, float]
     end: tuple[float, float]
     width: float = math.inf
+    normal: tuple[float, float] | None = None
 
 
 PassageStatus = Literal["open", "closed", "unknown"]
@@ -121,7 +123,8 @@ class PassageReport:
     leg was observed free, "closed" if observed obstacles leave none, "unknown" otherwise. ``drops``
     are points (x, y) [m] in ``map`` where the floor is missing; ``covered`` are ends of legs that
     are occupied by an obstacle; ``lines`` those to points ahead, None while it is not known where
-    the robot is.
+    the robot is. ``openings`` are pairs of such an end that is a door, and the point of its wall
+    where a free opening was seen instead.
     """
 
     time: float
@@ -129,6 +132,7 @@ class PassageReport:
     drops: tuple[tuple[float, float], ...] = ()
     covered: tuple[tuple[float, float], ...] = ()
     lines: SightLines | None = None
+    openings: tuple[tuple[tuple[float, float], tuple[float, float]], ...] = ()
 
 
 Explain = Callable[[int, int], Sequence[Mapping[str, Any]]]

@@ -354,6 +354,7 @@ class Stack:
             self.tracker.update(view.moving_objects, seen_from)
             self.tracker.prune(odometry.time, odometry.pose, self.local_map.occupancy.occupied_at)
             occupied = self.tracker.occupied_discs(odometry.time)
+            self.local_map.forget_track(occupied)
         if self.mofis.handles_moving_obstacles:
             self.local_map.set_obstacles(())
             return occupied

@@ -150,6 +150,23 @@ def _of_motion(symptoms: FailureSymptoms) -> Cause:
     return Cause.OSCILLATING if moved or turned else Cause.STANDSTILL
 
 
+_LOW = 0.12
+"""Height [m] up to which a thing, or a part of it, is a low foot."""
+
+
+def sentence(cause: Cause, result: MissionResult) -> str:
+    """What a person sees of a failure of this cause; empty where the reason says it all."""
+    waypoint = result.session.stack.state.waypoint
+    where = "the goal" if waypoint is None or waypoint.final else waypoint.label
+    body = result.contacts[0].body if result.contacts else ""
+    parts = (solid for solid in result.session.plan.solids if solid.name == body)
+    if result.movers is not None and body in result.movers.names:
+        body = f"a walker ({body})"
+    elif any(part.top <= _LOW for part in parts):
+        body = f"a low foot ({body})"
+    return cause.sentence.format(body=body, waypoint=where)
+
+
 # --- symptoms ------------------------------------------------------------------------------------
 
 _RECENT = 30.0

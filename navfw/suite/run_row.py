@@ -137,8 +137,9 @@ def _cause(run: MissionResult) -> str:
 class RunRow:
     """One run. Lengths in metres, times in seconds; None where a run has no such number.
 
-    ``cause`` is the cause of a failure (``navfw.missions.outcome.Cause``), ``collision_cause`` the
-    body that moved into the other: "robot" or "mover". ``picture`` is a file beside the table.
+    ``cause`` is the cause of a failure (``navfw.missions.outcome.Cause``), ``reason`` says what a
+    person sees of it as well. ``collision_cause`` is the body that moved into the other: "robot" or
+    "mover". ``picture`` is a file beside the table.
     ``variant`` is empty in suites without variants, ``hazards`` where worlds list none; their
     tables have no such column. Hazards are separated by commas.
     ``plugin_faults`` is the number of objections (``MissionResult.objections``). ``attempts``
@@ -160,6 +161,7 @@ class RunRow:
     outcome: str
     reason: str = _of(lambda run: run.reason, "")
     cause: str = _of(_cause, "")
+    notes: str = _of(lambda run: run.notes, "")
     behavior: str = _of(lambda run: run.behavior, "")
     sim_time_s: float | None = _of(lambda run: run.sim_time_s, None)
     wall_time_s: float | None = _of(lambda run: run.wall_time_s, None)
@@ -194,6 +196,11 @@ class RunRow:
         """The row of a run with a ``result``; ``columns`` are those known before it."""
         sources = {f.name: f.metadata["source"] for f in fields(cls) if f.metadata}
         measured = {name: source(result) for name, source in sources.items()}
+        if measured["cause"]:
+            from navfw.suite.failure_causes import sentence
+
+            seen = sentence(Cause(measured["cause"]), result)
+            measured["reason"] = "; ".join(filter(None, (result.reason, seen, result.notes)))
         return cls(**columns, outcome=result.outcome, **measured)
 
     @property

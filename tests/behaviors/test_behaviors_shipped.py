@@ -139,8 +139,11 @@ def test_peek_creeps_into_unobserved_space_only() -> None:
     context, proposal = propose("peek", 0.0, perceives=False, ticks=2)
     assert proposal.applicability > 0.4
     assert 0.0 < desired_twist(context, proposal).v < 0.4 * context.commands.max_v
-    _, seeing = propose("peek", ticks=20)
+    context, seeing = propose("peek", ticks=20)
     assert seeing.applicability < 0.05
+    unseen = replace(context.arcs, observed=np.zeros_like(context.arcs.observed))
+    beside = behavior_of("peek").propose(replace(context, arcs=unseen))
+    assert beside.applicability > 0.4, "the floor under the body's sides is unobserved"
 
 
 def test_escape_backs_out_and_then_turns() -> None:
@@ -163,6 +166,22 @@ def test_escape_backs_out_and_then_turns() -> None:
             standing = replace(standing, pose=Pose(pose.x - 0.3, pose.y, pose.yaw))
     assert phases[0], "it backs out first, along the trail"
     assert not phases[-1], "then it turns on the spot"
+
+
+def test_escape_looks_again_from_farther_back_where_the_way_ahead_is_free_but_unseen() -> None:
+    escape = behavior_of("escape")
+    standing = replace(propose("escape", ticks=24)[0], twist=Twist(0.0, 0.0))
+    for observed in (0.0, 1.0):
+        arcs = replace(standing.arcs, observed=np.full_like(standing.arcs.free, observed))
+        assert standing.arcs.free[-1, standing.commands.w.size // 2] > 0.3
+        escape.reset()
+        applies = []
+        for k in range(60):
+            pose = Pose(standing.pose.x - 0.3 * any(applies), standing.pose.y, standing.pose.yaw)
+            now = replace(standing, time=standing.time + 0.1 * k, arcs=arcs, pose=pose)
+            applies.append(escape.propose(now).applicability)
+        first = applies.index(1.0)
+        assert (applies[first + 5] == 0.0) is (observed == 0.0), "else it turns as well"
 
 
 def test_emergency_stops_before_near_walls_and_if_wheels_do_not_turn_and_else_not_at_all() -> None:

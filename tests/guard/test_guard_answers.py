@@ -52,7 +52,7 @@ CHECKED: dict[str, tuple[object, Callable[[Any], object]]] = {
     "waypoint": (WAYPOINT, stage_answers.check_waypoint),
     "path": (WAYPOINT, lambda answer: stage_answers.check_path((answer,))[0]),
     "query": (
-        PassageQuery(("a", "b"), (0.0, 1.0), (2.0, 3.0), 0.9),
+        PassageQuery(("a", "b"), (0.0, 1.0), (2.0, 3.0), 0.9, (0.0, 1.0)),
         lambda answer: stage_answers.check_queries([answer])[0],
     ),
     "proposal": (

@@ -103,6 +103,7 @@ DRIVES: dict[str, Mistake] = {
     "planner's path raises": raising("planner", "path(self)", after=PROPERTY),
     "planner's queries raise": raising("planner", "queries(self)", after=PROPERTY),
     "planner's reason raises": raising("planner", "no_route_reason(self)", after=PROPERTY),
+    "planner's notes raise": raising("planner", "notes(self)", after=PROPERTY),
     "planner fails to observe": raising("planner", "observe(self, report)"),
     **{
         f"{kind} returns None": main(kind, "return None", "returned NoneType")

@@ -9,14 +9,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 LIMITS = {
-    "navfw/, lines of Python": 66082,
+    "navfw/, lines of Python": 66278,
     "navfw/, lines of stubs": 260,
     "navfw/, lines of scripts, pages, styles and templates": 1746,
-    "behaviors/, lines of Python": 1561,
+    "behaviors/, lines of Python": 1571,
     "examples/, lines of Python": 647,
     "benchmarks/, lines of Python, pages and stubs": 7310,
-    "tests/, lines of Python": 45100,
-    "docs/, words": 43467,
+    "tests/, lines of Python": 45147,
+    "docs/, words": 43614,
     "README.md, words": 900,
     "pyproject.toml, lines": 303,
 }

@@ -11,11 +11,12 @@ from hypothesis import strategies as st
 from localmap_samples import ORIGIN, ROBOT, WALL_AHEAD, grid_with
 
 from navfw.context import CommandGrid
-from navfw.localmap import Arcs, OccupancyGrid, Ranges
+from navfw.localmap import Arcs, LocalMap, OccupancyGrid, Ranges
 from navfw.localmap.free_distances import arcs_of, free_distance, ranges_around
 from navfw.localmap.ray_kernels import Ground, Start, cast_ranges, sweep_arcs
 from navfw.numerics import Array
-from navfw.signals import Pose, Twist
+from navfw.robot import Footprint, RobotModel
+from navfw.signals import OccupiedDisc, Pose, Twist
 
 COMMANDS = CommandGrid(ROBOT)
 STRAIGHT = COMMANDS.w.size // 2
@@ -59,6 +60,31 @@ def test_backward_arcs_are_free_over_observed_floor_alone() -> None:
         occupancy.update(Pose(0.01 * k, 0, 0), 0.1 * k)
     behind = arcs(occupancy, Pose(0.59, 0, 0), margin=0.0)
     assert 0.4 < behind.free[0, STRAIGHT] < 0.7
+
+
+@pytest.mark.parametrize(
+    "robot", [ROBOT, RobotModel(footprint=Footprint(front=0.3, rear=0.3, width=0.4))]
+)
+def test_the_own_track_is_free_for_backing_up_until_something_moves_there(
+    robot: RobotModel,
+) -> None:
+    chosen = LocalMap(robot)
+    occupancy = chosen.occupancy
+    for k in range(60):
+        occupancy.update(Pose(0.01 * k, 0, 0), 0.1 * k)
+    end, back = Pose(0.59, 0, 0), Twist(-0.1, 0.0)
+    for forgotten in (False, True):
+        if forgotten:
+            occupancy.log_odds[:] = 0.0
+            occupancy.update(end, 6.0)
+        free = arcs_of(occupancy, end, COMMANDS.v, COMMANDS.w, 0.0).free[0, STRAIGHT]
+        assert free == pytest.approx(0.59, abs=0.08)
+        observed = free_distance(occupancy, end, back).unobserved - robot.disc_radius
+        assert observed == pytest.approx(0.59, abs=0.08)
+    aside = free_distance(occupancy, Pose(0.59, 0, 0.5), back).unobserved - robot.disc_radius
+    assert aside < 0.2, "off the track nothing is known"
+    chosen.forget_track((OccupiedDisc(0.2, 0.0, 0.2),))
+    assert free_distance(occupancy, end, back).unobserved <= robot.disc_radius + 0.1
 
 
 @settings(max_examples=20, deadline=None)
@@ -125,7 +151,7 @@ def test_behind_the_robot_the_rim_keeps_out_of_unobserved_cells() -> None:
     for margin in (0.0, 0.1):
         behind = arcs(occupancy, margin=margin).free[0, STRAIGHT]
         assert behind == pytest.approx(expected - margin, abs=0.07)
-    assert arcs(occupancy, margin=0.0).observed[0, STRAIGHT] == pytest.approx(0.7, abs=0.07)
+    assert arcs(occupancy, margin=0.0).observed[0, STRAIGHT] == pytest.approx(expected, abs=0.07)
 
 
 def ranges_of(free: Callable[[float], float], limit: float = 3.0) -> Ranges:

@@ -144,6 +144,29 @@ def test_a_report_names_near_ends_of_legs_on_which_something_stands(
     assert report.covered == ((end,) if covered else ())
 
 
+@pytest.mark.parametrize(
+    ("gap", "found"), [((0.2, 0.9), 0.55), ((0.2, 0.5), None), ((-0.95, -0.25), -0.6)]
+)
+def test_a_report_has_the_opening_beside_a_door_whose_place_is_covered(
+    gap: tuple[float, float], found: float | None
+) -> None:
+    chosen = all_free()
+    for y in np.arange(-2.0, 2.0, 0.05):
+        if not gap[0] < y < gap[1]:
+            chosen.occupancy.log_odds[chosen.occupancy.index(1.0, y)] = 3.0
+    at, end = Pose(5.0, 2.0, math.pi / 2), (5.0, 3.0)  # the robot in the map
+    for time, normal in enumerate((None, (0.0, 1.0), (0.0, -1.0))):
+        query = PassageQuery(("a", "b"), (at.x, at.y), end, 0.9, normal)
+        report = passage_report(chosen, at, time, [query])
+        assert report is not None
+        if normal is None or found is None:
+            assert report.openings == ()
+        else:
+            ((covered, opening),) = report.openings
+            assert covered == end
+            assert opening == pytest.approx((5.0 - found, 3.0), abs=0.06)
+
+
 def test_a_report_names_no_end_of_a_leg_off_the_grid() -> None:
     chosen = update(local_map(occupancy={"extent": 1.6}), 0.0, None)
     query = PassageQuery(("a", "b"), (0.0, 0.0), (1.4, 0.0), 1.0)

@@ -36,12 +36,14 @@ class Drive:
         ends: tuple[str, str] = NEAR_FAR,
         drops: tuple[Point, ...] = (),
         covered: tuple[Point, ...] = (),
+        openings: tuple[tuple[Point, Point], ...] = (),
     ) -> Waypoint:
         for _ in range(times):
             self.time += 1.0
             queries = [q for q in self.papfis.queries if frozenset(q.passage) == frozenset(ends)]
             passages = tuple((query, status) for query in queries)
-            self.papfis.observe(PassageReport(self.time, passages, drops, covered))
+            report = PassageReport(self.time, passages, drops, covered, openings=openings)
+            self.papfis.observe(report)
             self._update()
         return self._update()
 
@@ -183,6 +185,23 @@ def test_a_drop_in_a_passage_changes_the_route_and_one_beside_it_does_not() -> N
     only = on_the_way(STRAIGHT)
     only.report("open", drops=((4.5, 0.0),))
     assert (only.ahead, only.papfis.no_route_reason) == (["far", "end"], None)
+
+
+def test_a_door_moves_to_the_opening_that_two_reports_have_beside_it_and_stays_there() -> None:
+    before, after = Place("before", 3.4, 0), Place("after", 4.6, 0)
+    door = Place("door", 4, 0, "door")
+    drive = Drive(row(START, before, door, after, END, width=0.9))
+    drive.go(2.0, 0)
+    normals = [query.normal for query in drive.papfis.queries]
+    assert normals == [None, (-1.0, 0.0), None, None]
+    opening = (((4.0, 0.0), (4.0, 0.4)),)
+    for times, y in ((1, 0.0), (2, 0.4)):  # a single report, then two in a row
+        drive.report("unknown", times, openings=opening)
+        drive.report("unknown")
+        assert [waypoint.y for waypoint in drive.papfis.path] == [y, y, y, 0.0]
+    assert drive.papfis.notes == "door is 0.4 m to the left of the map's"
+    drive.go(2.0, 3.0)  # off the path: planned anew
+    assert [waypoint.y for waypoint in drive.papfis.path if waypoint.kind == "door"] == [0.4]
 
 
 def test_reset_reopens_closed_passages() -> None:

@@ -18,7 +18,7 @@ from navfw.signals import Belief, Odometry, Pose, Sight, Twist
 from navfw.sim import SceneGeometry, Simulation, WorldSpec
 from navfw.sim.world_changes import ChangeTrack, WalkerTrack
 from navfw.sim.worldspec import BoxSpec, CylinderSpec
-from navfw.suite.failure_causes import FailureSymptoms, classify, collect_symptoms
+from navfw.suite.failure_causes import FailureSymptoms, classify, collect_symptoms, sentence
 
 CLAMP_MAX = 3.0
 
@@ -194,6 +194,19 @@ def test_a_frontal_collision(empty: Session, mapped: bool, yaw: float) -> None:
     assert symptoms.bearing == pytest.approx(0.0, abs=0.01)
     assert symptoms.speed == pytest.approx(0.4, abs=0.01)
     assert classify(symptoms) is (Cause.DROVE_INTO if mapped else Cause.UNSEEN)
+
+
+@pytest.mark.parametrize(("height", "told"), [(1.0, "post"), (0.05, "a low foot (post)")])
+def test_a_failure_is_told_in_a_sentence(empty: Session, height: float, told: str) -> None:
+    post = CylinderSpec(name="post", at=(0.38, 0.0), radius=0.2, height=height)
+    session = session_with(empty, cylinders=(post,))
+    ended = result_of(session, Outcome.COLLIDED, log_to(0.0, 0.0, 0.0, "post"), [])
+    assert sentence(Cause.UNSEEN, ended) == f"{told} was never seen"
+    points = np.zeros((2, 1, 2))
+    movers = WalkerTrack(("post",), np.array([0.25]), np.array([0.0, 4.0]), points)
+    walked = sentence(Cause.MAPPED_AS_FREE, replace(ended, movers=movers))
+    assert walked == "a walker (post) was taken for free floor"
+    assert sentence(Cause.SLOW, ended) == "the robot was still on its way to the goal"
 
 
 def test_a_collision_while_reversing(empty: Session) -> None:
