@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
@@ -245,11 +245,13 @@ def _write_video(request: RunOptions, folder: Path | None) -> tuple[str, ...]:
 def _live(session: Session, request: RunOptions) -> LiveServer:
     from navfw.recording.live_server import LiveServer
     from navfw.report import live_page
+    from navfw.sim.chase_view import ChaseView
 
     title = f"{session.world_name} / {session.mission_name}, seed {session.seed}"
     goals = [(goal.x, goal.y) for goal in session.mission.goals]
+    chase = ChaseView(session.world, session.mission.spec.robot, (480, 270)).draw
     server = LiveServer(
-        session.seen,
+        replace(session.seen, chase=chase),
         request.port,
         page=live_page(title, session.seen, goals),
         origins=tuple(request.origin or ()),

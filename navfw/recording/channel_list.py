@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from enum import IntFlag
 from typing import TYPE_CHECKING, Self
 
+from navfw.numerics import Image
+from navfw.signals import Pose
+
 if TYPE_CHECKING:
     from navfw.recording.top_view import WorldOutline
     from navfw.stack import Stack
@@ -82,6 +85,9 @@ LANDMARK_IMAGE = Topic(
 )
 LEFT_IMAGE = Topic("/camera/left/image", IMAGE_SCHEMA, "10 Hz", "left side view, of a wide lens")
 RIGHT_IMAGE = Topic("/camera/right/image", IMAGE_SCHEMA, "10 Hz", "right side view, of a wide lens")
+CHASE_IMAGE = Topic(
+    "/chase/image", IMAGE_SCHEMA, "at most 15 % of the time", "from behind, JPEG; live only"
+)
 SIDE_IMAGES = (LEFT_IMAGE, RIGHT_IMAGE)
 IMAGES = (CAMERA_IMAGE, LANDMARK_IMAGE, *SIDE_IMAGES)
 SENSOR_CHANNELS = (READING, *IMAGES)
@@ -125,16 +131,23 @@ CHANNELS = (
 """All channels of a run: what a replay needs, and what people and tools look at."""
 
 
+Discs = Sequence[tuple[float, float, float]]
+"""x, y, radius [m, map frame]."""
+Chase = Callable[[Pose, Discs], Image]
+"""Draws the robot at its true pose among what moves by itself, seen from behind, in BGR."""
+
+
 @dataclass(frozen=True, slots=True)
 class SeenRun:
     """What the channels show besides the readings: the stack at work, and the world around it.
 
-    ``movers`` gives the true discs x, y, radius [m, map frame] of what moves by itself.
+    ``movers`` gives what moves by itself, ``chase`` is for the live server.
     """
 
     stack: Stack
     outline: WorldOutline
-    movers: Callable[[], Sequence[tuple[float, float, float]]] = tuple
+    movers: Callable[[], Discs] = tuple
+    chase: Chase | None = None
 
 
 def nanoseconds(time: float) -> int:

@@ -32,7 +32,7 @@ with extra_imports("record"):
     from websockets.http11 import Request, Response
     from websockets.typing import Subprotocol
 
-    from navfw.recording.run_channels import RunChannels, channel_schema
+    from navfw.recording.run_channels import RunChannels, channel_schema, image_message
 
 _HOST = "127.0.0.1"
 _MIN_SPEED, _MAX_SPEED = 0.05, 50.0
@@ -46,6 +46,8 @@ _MAX_WAITING = 1 << 22
 """What may wait for a slow client before its messages are dropped [byte]."""
 _PERIOD = 0.05
 """Wall time between two looks at the clients while the run is held [s]."""
+_CHASE_SHARE = 0.15
+"""Largest share of the wall time for views from behind."""
 _CATCH_UP = 0.2
 """Wall time by which a run may be behind its speed and still catch up [s]."""
 _SILENT = logging.Logger("navfw.live", level=logging.CRITICAL + 1)
@@ -139,6 +141,9 @@ class LiveServer:
         self._page = page.encode()
         self._open: dict[str, _LiveChannel] = {}
         self._channels = RunChannels(self._channel, seen)
+        self._seen, self._chase_due = seen, 0.0
+        if seen.chase is not None:
+            self._channel(topics.CHASE_IMAGE)
         self._time = self._due = 0.0
         self._joined = False
         self._last: tuple[SensorReading, Twist, Pose] | None = None
@@ -170,6 +175,7 @@ class LiveServer:
         self._channels.observe(reading, twist, pose)
         if reading.frame is not None:
             self._last = (reading, twist, pose)
+            self._show_chase(reading.time, pose)
             now = struct.pack("<BQ", 2, topics.nanoseconds(reading.time))
             for client in self._server.connections:
                 _send(client, now)
@@ -182,6 +188,14 @@ class LiveServer:
             self._hold()
         while self._speed is not None and (ahead := self._due - time.monotonic()) > 0.0:
             self.serve(min(ahead, _PERIOD))
+
+    def _show_chase(self, at: float, pose: Pose) -> None:
+        """Send the view from behind, if somebody looks and its share of the time is not used up."""
+        channel, begun = self._open.get(topics.CHASE_IMAGE), time.monotonic()
+        if self._seen.chase and channel and channel.has_sinks() and begun > self._chase_due:
+            image, now = self._seen.chase(pose, self._seen.movers()), topics.nanoseconds(at)
+            channel.log(image_message(topics.CHASE_IMAGE, image, now, "jpg"), now)
+            self._chase_due = begun + (time.monotonic() - begun) / _CHASE_SHARE
 
     def end(self, message: str = "the run has ended", *, stay: bool = False) -> None:
         """Tell how the run ended, and end the server; with ``stay`` not before Ctrl-C."""

@@ -66,7 +66,7 @@ class RecordedRun:
     ``metadata`` describes the run (``config``: the resolved configuration as JSON), ``topics`` has
     the schema of each channel in the file by its topic. ``complete`` is false if the recording ends
     before its run: the recorder reached its limit, or the file is cut off. Then the messages are
-    those of the intact part.
+    those of the intact part. ``chase`` draws the robot for people.
 
     Raises:
         ConfigError: the file cannot be read, is too large, or damaged; it is not a recording, or
@@ -78,6 +78,7 @@ class RecordedRun:
         self.path = Path(path)
         self.metadata: dict[str, str] = {}
         self.complete = False
+        self.chase: topics.Chase | None = None
         self._channels: dict[int, Channel] = {}
         self._schemas: dict[int, Schema] = {}
         self._protobuf = DecoderFactory()
@@ -229,14 +230,16 @@ def recording_in(folder: str | Path) -> Path:
     raise ConfigError("contains no sensor readings; run again with --record", file=folder)
 
 
-def open_run(folder: str | Path) -> RecordedRun:
-    """The recording of a run folder.
+def open_run(folder: str | Path, chase: topics.Chase | None = None) -> RecordedRun:
+    """The recording of a run folder, with what draws the robot in its world, if known.
 
     Raises:
         ConfigError: there is none, or as ``RecordedRun``.
 
     """
-    return RecordedRun(recording_in(folder))
+    run = RecordedRun(recording_in(folder))
+    run.chase = chase
+    return run
 
 
 _FILES = re.compile(r"metadata\.yaml|.*\.(mcap|db3)")

@@ -74,7 +74,7 @@ class RunChannels:
             images[topics.CAMERA_IMAGE] = frame.image
             images |= zip(topics.SIDE_IMAGES, frame.sides, strict=False)
         for topic, image in images.items():
-            self._log(topic, now, partial(_image_message, topic, image, now))
+            self._log(topic, now, partial(image_message, topic, image, now))
         self._log(topics.READING, now, partial(ros.reading_message, reading, twist))
         if self._seen is None:
             return
@@ -106,10 +106,11 @@ class RunChannels:
             channel.log(made if isinstance(made, bytes) else made.encode(), log_time=log_time)
 
 
-def _image_message(topic: str, image: Image, now: int) -> bytes:
-    data = np.asarray(cv2.imencode(f".{_IMAGE_FORMAT}", image)[1]).ravel()
+def image_message(topic: str, image: Image, now: int, code: str = _IMAGE_FORMAT) -> bytes:
+    """A message of an image, gray or BGR, in the format ``code``."""
+    data = np.asarray(cv2.imencode(f".{code}", image)[1]).ravel()
     frame = {"frame_id": topic.removeprefix("/").removesuffix("/image")}
-    fields = {"header": frame, "format": _IMAGE_FORMAT, "data": data}
+    fields = {"header": frame, "format": code, "data": data}
     return ros.ros_message(topics.IMAGE_SCHEMA, fields, now)
 
 

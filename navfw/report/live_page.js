@@ -46,12 +46,15 @@
     return {count, blob, real: () => view.getFloat64(sized(8), true)};
   }
 
+  function picture(bytes) { // of a message CompressedImage
+    const message = cdr(bytes);
+    message.count(); message.count(); message.blob(); message.blob();
+    return createImageBitmap(new Blob([message.blob()]));
+  }
+
   const show = {
-    "/camera/image"(bytes) {
-      const message = cdr(bytes);
-      message.count(); message.count(); message.blob(); message.blob();
-      createImageBitmap(new Blob([message.blob()])).then((image) => { newest.image = image; redraw(); });
-    },
+    "/camera/image"(bytes) { picture(bytes).then((image) => { newest.image = image; redraw(); }); },
+    "/chase/image"(bytes) { picture(bytes).then((image) => part("chase").getContext("2d").drawImage(image, 0, 0)); },
     "/flow"(bytes) { newest.flow = annotated(bytes).flatMap((group) => group[1]); },
     "/percept/cells"(bytes) { newest.cells = annotated(bytes); },
     "/percept"(bytes) {

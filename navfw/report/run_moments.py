@@ -87,7 +87,8 @@ def read_moments(
     a pixel from the upper left corner. ``robot`` is its true pose, ``estimate`` the believed one,
     ``way`` the points of the way ahead, x, y [m]. ``movers`` are discs (x, y, radius), ``courses``
     where each goes in a second, ``walkers`` the true discs; ``map`` is the local map, with its
-    lowest corner, yaw and size; ``rating`` a ``Rating``; None where one of these is not known.
+    lowest corner, yaw and size; ``rating`` a ``Rating``; ``chase`` the view from behind as a data
+    URL; None where one of these is not known.
 
     Raises:
         ConfigError: the recording is damaged.
@@ -131,6 +132,18 @@ def newest_at_images(
             yield newest | {topics.CAMERA_IMAGE: image}
 
 
+def chase_picture(run: RecordedRun, content: Mapping[str, Any]) -> Image | None:
+    """The view of ``run`` from behind at the true pose, if both are known."""
+    pose = newest_pose(content, topics.TRUE_POSE)
+    return None if run.chase is None or pose is None else run.chase(pose, _walkers(content))
+
+
+def _walkers(content: Mapping[str, Any]) -> list[tuple[float, float, float]]:
+    entities = content.get(topics.TRUE_OBSTACLES, _NOTHING).entities
+    bodies = [body for entity in entities for body in entity.cylinders]
+    return [(b.pose.position.x, b.pose.position.y, 0.5 * b.size.x) for b in bodies]
+
+
 _NOTHING = SimpleNamespace(points=(), entities=(), poses=())
 """A message without content."""
 
@@ -147,8 +160,7 @@ def _moment(
     latest = max(said, key=lambda message: message.time).content if said else {}
     rules = content.get(topics.RULES)
     groups = content.get(topics.CELLS, _NOTHING).points
-    entities = content.get(topics.TRUE_OBSTACLES, _NOTHING).entities
-    bodies = [body for entity in entities for body in entity.cylinders]
+    behind = chase_picture(run, content)
     flow = [_points(group, 2 * _MAX_POINTS) for group in content.get(topics.FLOW, _NOTHING).points]
     robot, estimate = (newest_pose(content, name) for name in (topics.TRUE_POSE, topics.POSE))
     return {
@@ -163,7 +175,8 @@ def _moment(
         "robot": None if robot is None else asdict(robot),
         "estimate": None if estimate is None else asdict(estimate),
         "way": [(p.position.x, p.position.y) for p in content.get(topics.PATH, _NOTHING).poses],
-        "walkers": [(b.pose.position.x, b.pose.position.y, 0.5 * b.size.x) for b in bodies],
+        "walkers": _walkers(content),
+        "chase": None if behind is None else reduced_source(behind, _WIDTH, quality=60),
         **_surroundings(newest, maps),
         "rating": _rating(content[topics.PROPOSALS]) if topics.PROPOSALS in content else None,
     }

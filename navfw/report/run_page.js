@@ -37,6 +37,7 @@
       camera.dataset.shown = number;
     };
     image.src = moment.image;
+    if (moment.chase) part("chase").src = moment.chase;
   }
 
   function showPlan() {

@@ -21,7 +21,7 @@ from navfw.errors import ConfigError
 from navfw.features.landmark_appearance import check_landmark_kind
 from navfw.numerics import Array
 from navfw.recording import palette, top_view
-from navfw.recording.channel_list import SeenRun
+from navfw.recording.channel_list import Chase, SeenRun
 from navfw.recording.recorded_run import RecordedRun, located_damage, open_run
 from navfw.recording.run_folder import MAP, PICTURE, RECORDING, plain_json, read_result
 from navfw.report import run_timeline
@@ -99,8 +99,10 @@ _NUMBERS = {
 """Results on the page, each with its name and unit."""
 
 
-def run_report(folder: Path) -> str:
+def run_report(folder: Path, chase: Chase | None = None) -> str:
     """The report of the run in ``folder`` as HTML; without a recording, its result and picture.
+
+    ``chase`` draws the robot from behind, if its world is known.
 
     Raises:
         ConfigError: it is not a run folder, or its files are damaged.
@@ -121,7 +123,7 @@ def run_report(folder: Path) -> str:
     if is_file(folder / RECORDING):
         on_map = is_file(folder / MAP)
         places = _places(load_map(folder / MAP, check_landmark_kind)) if on_map else []
-        content |= _recorded(open_run(folder), result, places)
+        content |= _recorded(open_run(folder, chase), result, places)
     elif is_file(folder / PICTURE):
         picture = np.asarray(read_image(folder / PICTURE), dtype=np.uint8)
         content["picture"] = reduced_source(picture, 1600, quality=85)

@@ -24,22 +24,24 @@ from navfw.recording.recorded_run import (
 from navfw.recording.run_folder import read_result
 from navfw.recording.video_output import VideoOutput
 from navfw.report import run_timeline
-from navfw.report.run_moments import SHOWN, local_map_picture, moving_obstacles, newest_at_images
+from navfw.report.run_moments import (
+    SHOWN,
+    chase_picture,
+    local_map_picture,
+    moving_obstacles,
+    newest_at_images,
+)
 from navfw.signals import Pose
 
 _KEY_HEIGHT = 70
 """Height of the key below the plan [px]."""
-_SCALES = (36.0, 160.0)
+_SCALES = (30.0, 160.0)
 """Least and largest scale [px/m]; of a larger world the part around the robot is shown."""
 _BORDER = 0.4
 """Floor shown around the world [m]."""
 _WHITE = "#FFFFFF"
 _PAPER, _INK, _FAINT = (255, 255, 255), (36, 28, 28), (117, 102, 91)
 """Blue, green and red of the background and of letters."""
-_PALE, _COURSE = (229, 222, 217), (178, 114, 0)
-"""Those of courses over time, to come and past."""
-_COURSES_HEIGHT = 150
-"""Least height of the courses over time below the plan [px]; they take what the plan leaves."""
 _TRUE = top_view.Style(_WHITE, palette.ESTIMATE, width=1.6)
 _BELIEVED = top_view.Style(edge=palette.ESTIMATE, width=0.8)
 _PX_PER_PT = 1.25
@@ -70,10 +72,7 @@ class VideoPlan:
         self._world = timeline.outline.shapes()
         self._goals = top_view.goal_marks(goals)
         self._low, self._high = timeline.outline.bounds(_BORDER, timeline.true, np.array(goals))
-        wide, high = self._high - self._low
-        needed = round(size[0] * high / wide) if size[0] / wide >= _SCALES[0] else size[1]
-        below = max(_COURSES_HEIGHT, size[1] - _KEY_HEIGHT - needed)
-        room = np.array([size[0], size[1] - _KEY_HEIGHT - below])
+        room = np.array([size[0], size[1] - _KEY_HEIGHT])
         fitting = float((room / (self._high - self._low)).min())
         self._scale = min(max(fitting, _SCALES[0]), _SCALES[1])
         self._half = 0.5 * room / self._scale
@@ -86,7 +85,6 @@ class VideoPlan:
         write_key(image, self._key, (10.0, self._shape[0] - _KEY_HEIGHT + 22.0), 12.0, _INK)
         true = run_timeline.newest_pose(content, topics.TRUE_POSE)
         believed = run_timeline.newest_pose(content, topics.POSE)
-        self._draw_courses(image[self._room : self._shape[0] - _KEY_HEIGHT], time)
         canvas = _Canvas(image[: self._room], self._corner(true or believed), self._scale)
         canvas.image[:] = palette.bgr(palette.FLOOR)
         canvas.draw(self._world)
@@ -104,21 +102,6 @@ class VideoPlan:
             if pose is not None:
                 canvas.draw(top_view.robot_shapes(pose, self._radius, 1.4 * self._radius, style))
         return image
-
-    def _draw_courses(self, image: Image, time: float) -> None:
-        """Speed and clearance over the whole run: what is still to come is pale."""
-        run, (high, wide) = self._timeline, image.shape[:2]
-        x = _MARGIN + (wide - 2 * _MARGIN) * run.time / max(run.time[-1], 1e-9)
-        courses = ("speed [m/s]", run.commands[:, 0]), ("clearance [m]", run.clearance)
-        for number, (name, values) in enumerate(courses):
-            top, foot = number * high // 2 + 30, (number + 1) * high // 2 - 6
-            known = np.isfinite(values)
-            least, most = (f(values[known], initial=0.0) for f in (np.min, np.max))
-            y = foot - (foot - top) * (values - least) / max(most - least, 1e-9)
-            write(image, name, (_MARGIN, top - 10.0), _LETTERS, _INK)
-            for shown, ink in ((known, _PALE), (known & (run.time < time + 1e-6), _COURSE)):
-                lines = [np.rint(np.column_stack([x, y])[shown] * (1 << _SHIFT)).astype(np.int32)]
-                cv2.polylines(image, lines, False, ink, 2, cv2.LINE_AA, _SHIFT)
 
     def _corner(self, pose: Pose | None) -> Array:
         """The lower left corner [m] of the part of the world around ``pose``."""
@@ -300,6 +283,8 @@ def _write_text(panel: Image, top: int, time: float, content: Mapping[str, Any])
 
 _SIZE = (640, 720)
 """Width and height of each half of a picture [px]."""
+CHASE_SIZE = (640, 320)
+"""Width and height of the view from behind, above the plan [px]."""
 _MAX_AGE = 2.0
 """Age of a message from which it is no longer shown [s]."""
 _MAX_REPEATS = 600
@@ -307,12 +292,16 @@ _MAX_REPEATS = 600
 
 
 def write_run_video(
-    folder: Path, target: Path, option: str, progress: Callable[[int, int], None]
+    folder: Path,
+    target: Path,
+    option: str,
+    progress: Callable[[int, int], None],
+    chase: topics.Chase | None = None,
 ) -> None:
     """Write the recording in a run folder as a video, a picture for each image of the camera.
 
     ``option`` is the option that names ``target``. ``progress`` is called with the number of
-    pictures so far and in all.
+    pictures so far and in all. ``chase`` draws the robot from behind, if its world is known.
 
     Raises:
         ConfigError: the folder has no recording, or its files are damaged.
@@ -320,26 +309,27 @@ def write_run_video(
 
     """
     radius, goals = run_timeline.robot_and_goals(read_result(folder))
-    run = open_run(folder)
+    run = open_run(folder, chase)
     timeline = run_timeline.read_timeline(run, radius)
     times = np.array([message.time for message in run.messages(topics.CAMERA_IMAGE)])
     if not len(times) or not len(timeline.time):
         raise ConfigError(
             "has no camera images or no commands; record the run again", file=run.path
         )
-    plan = VideoPlan(timeline, goals, radius, _SIZE)
+    plan = VideoPlan(timeline, goals, radius, (_SIZE[0], _SIZE[1] - CHASE_SIZE[1] * bool(chase)))
     rate = 1.0 / float(np.median(np.diff(times))) if len(times) > 1 else 1.0  # the usual one
     repeats = np.clip(np.rint(np.diff(times, append=times[-1]) * rate), 1, _MAX_REPEATS)
     with VideoOutput(target, rate, option) as video:
         moments = newest_at_images(run, (*SHOWN, topics.LOCAL_GOAL), range(len(times)))
         for number, newest in enumerate(moments):
-            picture = _picture(newest, plan, run)
+            picture = draw_moment(newest, plan, run)
             for _ in range(int(repeats[number])):
                 video.add(picture)
             progress(number + 1, len(times))
 
 
-def _picture(newest: dict[str, RecordedMessage], plan: VideoPlan, run: RecordedRun) -> Image:
+def draw_moment(newest: dict[str, RecordedMessage], plan: VideoPlan, run: RecordedRun) -> Image:
+    """The picture of the ``newest`` messages at an image of ``run``."""
     camera = newest[topics.CAMERA_IMAGE]
     content = {
         topic: message.content
@@ -348,4 +338,7 @@ def _picture(newest: dict[str, RecordedMessage], plan: VideoPlan, run: RecordedR
     }
     with located_damage(run.path, f"a message before {camera.time:.2f} s"):
         left = draw_camera(camera.time, image_of(camera, run.path), content, _SIZE)
-        return np.concatenate([left, plan.draw(camera.time, content)], axis=1)
+        right = plan.draw(camera.time, content)
+        behind = chase_picture(run, content)
+        right = right if behind is None else np.concatenate([behind, right])
+        return np.concatenate([left, right], axis=1)

@@ -115,8 +115,11 @@ class Camera:
 
     def request(self, position: Place, turn: Turn) -> RenderRequest:
         """The render request for a pose; updates which parts of the scenery are drawn."""
+        return self.request_at(*self.camera_pose(position, turn))
+
+    def request_at(self, eye: Array, axes: Array) -> RenderRequest:
+        """The request for a camera at ``eye`` (3,) [m] with ``axes`` as of ``camera_pose``."""
         scale = self._supersample
-        eye, axes = self.camera_pose(position, turn)
         self._scenery.update_visible(eye, *field_of_view(axes, *self._half_size))
         size = (self.model.width * scale, self.model.height * scale)
         return RenderRequest(_view(eye, axes), self._projection, eye, size, self._light)

@@ -101,6 +101,11 @@ class Scenery:
             mesh, texture = mesh.stretched(), f"{STRETCHED}{solid.front}"
         return self._add(self._light.lit(mesh.placed(solid.centre, solid.shape.yaw)), texture)
 
+    def add_moving(self, solid: Solid) -> int:
+        """Add a solid about the origin that ``place`` moves; returns the body."""
+        mesh = solid_mesh(solid).placed(solid.centre, solid.shape.yaw)
+        return self._add(self._light.lit(mesh, alone=True), solid.texture)
+
     def add_walker(self, walker: WalkerSpec) -> int:
         """Add a walker's cylinder at the origin; ``place`` moves it. Returns the body."""
         mesh = cylinder_mesh(walker.radius, walker.height, texture_shift(walker.name))

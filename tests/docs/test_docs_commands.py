@@ -125,11 +125,12 @@ def test_only_an_outvoted_behavior_of_the_user_is_sent_to_the_page(
 
 def test_the_picture_of_a_run_shows_camera_and_path(folder: Path) -> None:
     drawing = load_module(ROOT / "docs" / "draw_run.py")
-    view, path = drawing.draw_view(folder / "straight", 3.0), drawing.draw_path(folder / "straight")
-    assert view.shape == (drawing.HEIGHT, drawing.WIDTH, 3)
-    assert path.shape[0] == drawing.HEIGHT
-    flow = (view == palette.bgr(palette.FLOW)).all(axis=2)
-    assert flow[: drawing.HEIGHT // 2].sum() > 100  # arrows
+    (picture,) = drawing.moments(folder / "straight", [30])
+    assert picture.shape == (drawing.HEIGHT, 2 * drawing.WIDTH, 3)
+    flow = (picture == palette.bgr(palette.FLOW)).all(axis=2)
+    assert flow[: drawing.HEIGHT // 2, : drawing.WIDTH].sum() > 100  # arrows
+    blue, _, red = picture[: drawing.CHASE_SIZE[1], drawing.WIDTH :].astype(int).transpose(2, 0, 1)
+    assert (red - blue > 150).sum() > 1000  # the robot from behind
     (image,) = re.findall(r"docs/images/[\w-]+\.png", (ROOT / "README.md").read_text())
     assert (ROOT / image).stat().st_size < 500_000
 

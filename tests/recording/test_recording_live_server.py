@@ -9,11 +9,13 @@ import time
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import closing, contextmanager, suppress
+from dataclasses import replace
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
+import numpy as np
 import pytest
 from cli_calls import invoke, refusal
 from live_browser import live_browser
@@ -26,10 +28,12 @@ from navfw.errors import InputError
 from navfw.missions import prepare
 from navfw.missions.pilot import watcher_of
 from navfw.missions.session import Session
+from navfw.numerics import Image
 from navfw.recording import channel_list as topics
 from navfw.recording import deserialize_cdr
 from navfw.recording.live_server import LiveServer
 from navfw.report import live_page
+from navfw.signals import Pose
 
 WANTED = (topics.COMMAND, topics.READING, topics.CAMERA_IMAGE, topics.WORLD)
 PAGE, FOXGLOVE = Subprotocol("navfw.live.v1"), Subprotocol("foxglove.sdk.v1")
@@ -136,6 +140,32 @@ def test_a_client_receives_the_run_and_changes_no_command() -> None:
     assert leaders <= set(log.leaders)
     assert 40 <= len(viewer.received[topics.CAMERA_IMAGE]) <= 42  # the first may come twice
     assert viewer.received[topics.WORLD]
+
+
+def test_the_view_from_behind_takes_a_bounded_share_of_the_time() -> None:
+    watched, sent = session(4.0), []
+
+    class Sink:
+        has_sinks = staticmethod(lambda: True)
+
+        def log(self, data: bytes, log_time: int) -> None:
+            sent.append((data, log_time))
+
+    def chase(pose: Pose, movers: topics.Discs) -> Image:
+        del pose, movers
+        time.sleep(0.03)
+        return np.zeros((9, 16, 3), np.uint8)
+
+    server = LiveServer(replace(watched.seen, chase=chase), port=0)
+    server._open[topics.CHASE_IMAGE] = cast(Any, Sink())
+    begun = time.perf_counter()
+    watched.run(watcher_of(server.observe))
+    spent, wall = 0.03 * len(sent), time.perf_counter() - begun
+    server.end()
+    assert len(sent) >= 2
+    assert spent < 0.2 * wall
+    image = deserialize_cdr(sent[0][0], topics.IMAGE_SCHEMA)
+    assert (image.format, bytes(image.data[:2])) == ("jpg", b"\xff\xd8")
 
 
 def request(server: LiveServer, *, token: str = "", lines: str = "") -> bytes:

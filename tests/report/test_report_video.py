@@ -49,7 +49,9 @@ def test_the_video_shows_the_run_in_simulated_time(filmed: Path) -> None:
     first, last = shown[0], shown[-1]
     share = partial(share_of, tolerance=40.0)  # a video's colours are not exact
     assert first.shape == (HEIGHT, WIDTH, 3)
-    camera, plan = np.s_[:480, :640], np.s_[:500, 640:]
+    camera, behind, plan = np.s_[:480, :640], np.s_[:320, 640:], np.s_[320:650, 640:]
+    assert (last[behind][..., 0] - last[behind][..., 2] > 140.0).mean() > 0.01, "the robot"
+    assert np.abs(first[behind] - last[behind]).mean() > 5.0
     assert np.abs(first[camera] - last[camera]).mean() > 5.0, "the camera moves"
     assert share(last[camera], palette.FLOW) > 1e-3 > share(first[camera], palette.FLOW)
     assert share(last[plan], palette.WALL) > 0.01
