@@ -21,6 +21,7 @@ import numpy as np
 from PIL import Image as Picture
 from PIL.PngImagePlugin import PngInfo
 
+from navfw.cli.recordings import chase_of
 from navfw.numerics import Image
 from navfw.recording import channel_list as topics
 from navfw.recording.recorded_run import open_run
@@ -28,7 +29,6 @@ from navfw.recording.run_folder import read_result
 from navfw.report.run_moments import SHOWN, newest_at_images
 from navfw.report.run_timeline import read_timeline, robot_and_goals
 from navfw.report.run_video import CHASE_SIZE, VideoPlan, draw_moment
-from navfw.sim.chase_view import ChaseView
 
 IMAGES = Path(__file__).parent / "images"
 MISSION = ("office", "lobby-to-lab")
@@ -47,8 +47,7 @@ FRAMES, RATE = 40, 4
 def moments(folder: Path, numbers: Sequence[int]) -> Iterator[Image]:
     """The pictures of the run's video at these images of the camera, BGR."""
     result = read_result(folder)
-    view = ChaseView.of_run(result, CHASE_SIZE, fine=2)
-    run = open_run(folder, None if view is None else view.draw)
+    run = open_run(folder, chase_of(folder, CHASE_SIZE, fine=2))
     radius, goals = robot_and_goals(result)
     size = (WIDTH, HEIGHT - CHASE_SIZE[1])
     plan = VideoPlan(read_timeline(run, radius), goals, radius, size)

@@ -18,8 +18,8 @@ from navfw.cli.options import Json, Recorded, Robot, Stack, Topic, VariantA, Var
 from navfw.cli.output import echo, print_json, print_result, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.config.input_file import is_file
-from navfw.config.lookup import plugin_files, shipped_folder
-from navfw.errors import InputError, MissingExtraError, locating
+from navfw.config.lookup import find, plugin_files, shipped_folder
+from navfw.errors import InputError, locating
 from navfw.process.atomic import output_file, write_text
 from navfw.process.result_table import shown
 from navfw.recording.run_folder import RECORDING, REPORT, RESULT, is_bag, read_result
@@ -155,19 +155,24 @@ def write_video(folder: Path, target: Path, *, quiet: bool) -> None:
     from navfw.report.run_video import CHASE_SIZE, write_run_video
 
     with ProgressBar("video", "pictures", quiet=quiet) as bar:
-        write_run_video(folder, target, VIDEO, bar.update, _chase(folder, CHASE_SIZE, fine=2))
+        write_run_video(folder, target, VIDEO, bar.update, chase_of(folder, CHASE_SIZE, fine=2))
     if not quiet:
         echo(f"video: {target}", err=True)
 
 
-def _chase(folder: Path, size: tuple[int, int], fine: int = 1) -> Any:
+def chase_of(folder: Path, size: tuple[int, int], fine: int = 1) -> Any:
     """What draws the run in a folder from behind; None without the simulator or its world."""
+    result = read_result(folder)
     try:
+        from navfw.robot import RobotModel
+        from navfw.sim import load_world
         from navfw.sim.chase_view import ChaseView
-    except MissingExtraError:
+
+        world = load_world(find("world", str(result["world"])))
+        robot = RobotModel.model_validate(result["config"]["mission"]["robot"])
+    except (InputError, LookupError, TypeError, ValueError):
         return None
-    view = ChaseView.of_run(read_result(folder), size, fine)
-    return None if view is None else view.draw
+    return ChaseView(world, robot, size, fine).draw
 
 
 Variants = tuple[str | None, str | None]
@@ -275,7 +280,7 @@ def _write(
 
     target = out or folders[0] / REPORT
     output_file(target, "--out")
-    write_text(target, run_report(folders[0], _chase(folders[0], (480, 270))))
+    write_text(target, run_report(folders[0], chase_of(folders[0], (480, 270))))
     return target, []
 
 
@@ -321,7 +326,7 @@ def _write_run_reports(suite: SuiteFolder, bar: ProgressBar) -> list[str]:
     for number, folder in enumerate(folders):
         bar.update(number, len(folders), folder.name)
         try:
-            write_text(folder / REPORT, run_report(folder, _chase(folder, (480, 270))))
+            write_text(folder / REPORT, run_report(folder, chase_of(folder, (480, 270))))
         except InputError as error:
             wrong.append(str(error))
     return wrong

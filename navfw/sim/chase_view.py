@@ -6,14 +6,11 @@ It has a scenery of its own, without what events add or close while the robot dr
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any, Self
+from collections.abc import Iterator, Sequence
 
 import cv2
 import numpy as np
 
-from navfw.config.lookup import find
-from navfw.errors import InputError
 from navfw.numerics import Array, Image
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Pose
@@ -22,16 +19,14 @@ from navfw.sim.engine import quaternion
 from navfw.sim.scenery import Scenery
 from navfw.sim.shapes import Circle, Rectangle
 from navfw.sim.solids import Solid, solids_of
-from navfw.sim.worldfile import load_world
 from navfw.sim.worldspec import TextureSpec, WorldSpec
 
 _BEHIND, _HEIGHT, _MIN_BEHIND = 1.7, 1.35, 0.5
 """Place of the camera behind the robot and above the floor, and how near walls may push it [m]."""
 _AHEAD = 1.5
 """Distance [m] ahead of the robot of the point of the floor in the middle of the picture."""
-_FROM_WALL = 0.15
-"""Distance [m] of the camera from walls behind it."""
-_HFOV = 1.25
+_FROM_WALL, _HFOV = 0.15, 1.25
+"""Distance [m] of the camera from walls behind it; its horizontal field of view [rad]."""
 _PAINTS = {
     "robot-body": TextureSpec(contrast=0.0, brightness=150.0, colour=(1.0, 0.62, 0.1)),
     "robot-parts": TextureSpec(contrast=0.0, brightness=45.0),
@@ -50,7 +45,7 @@ class ChaseView:
         painted = world.model_copy(update={"textures": {**world.textures, **_PAINTS}})
         self._scenery = Scenery(painted)
         solids = solids_of(world)
-        for door in (solid for solid in solids if solid.kind == "door"):
+        for door in (s for s in solids if s.kind == "door"):
             self._scenery.add_solid(door)
         self._tall = [solid.shape for solid in solids if solid.bottom < _HEIGHT < solid.top]
         self._walkers = [(self._scenery.add_walker(w), 0.5 * w.height) for w in world.movers]
@@ -59,16 +54,6 @@ class ChaseView:
         rng = np.random.default_rng(0)  # without noise nothing is drawn
         self._camera = Camera(model, world.light, self._scenery, rng)
         self._size = size
-
-    @classmethod
-    def of_run(cls, result: Mapping[str, Any], size: tuple[int, int], fine: int = 1) -> Self | None:
-        """The view of a run with this ``result``; None if its world is no longer found."""
-        try:
-            world = load_world(find("world", str(result["world"])))
-            robot = RobotModel.model_validate(result["config"]["mission"]["robot"])
-            return cls(world, robot, size, fine)
-        except (InputError, LookupError, TypeError, ValueError):
-            return None
 
     def draw(self, pose: Pose, movers: Sequence[tuple[float, float, float]] = ()) -> Image:
         """The picture (height, width, 3), blue, green, red, of the robot at ``pose``.
@@ -98,23 +83,14 @@ class ChaseView:
         return float(along[max(0, blocked[0] - 1)] if len(blocked) else along[-1])
 
 
-def _parts(robot: RobotModel) -> list[Solid]:
-    """The robot as solids around its origin: body, wheels, mast and camera."""
-    lens, at, wheel = robot.camera.mount_height, robot.camera.mount_forward, robot.wheel_radius
+def _parts(robot: RobotModel) -> Iterator[Solid]:
+    """The robot as solids around its origin: body, mast and camera."""
+    lens, at, body = robot.camera.mount_height, robot.camera.mount_forward, robot.footprint
     shape: Circle | Rectangle = Circle(0.0, 0.0, robot.radius)
-    if (cover := robot.footprint) is not None:
-        half = 0.5 * (cover.front + cover.rear)
-        shape = Rectangle(cover.front - half, 0.0, half, robot.radius, 0.0)
-    top, side = max(0.5 * lens, wheel + 0.08), 0.5 * robot.track
-    boxes = [(0.0, y, wheel, 0.02, 0.0, 2.0 * wheel) for y in (-side, side)]
-    boxes += [
-        (at - 0.03, 0.0, 0.02, 0.02, top, lens),
-        (at, 0.0, 0.025, 0.05, lens - 0.03, lens + 0.03),
-    ]
-    return [
-        Solid("robot", "box", shape, 0.5 * wheel, top, "robot-body"),
-        *(
-            Solid("robot", "box", Rectangle(x, y, long, wide, 0.0), low, high, "robot-parts")
-            for x, y, long, wide, low, high in boxes
-        ),
-    ]
+    if body is not None:
+        half = 0.5 * (body.front + body.rear)
+        shape = Rectangle(body.front - half, 0.0, half, robot.radius, 0.0)
+    yield Solid("robot", "box", shape, 0.04, 0.5 * lens, "robot-body")
+    for half, low in ((0.02, 0.5 * lens), (0.05, lens - 0.03)):
+        mast = Rectangle(at, 0.0, 0.02, half, 0.0)
+        yield Solid("robot", "box", mast, low, lens + 0.03, "robot-parts")

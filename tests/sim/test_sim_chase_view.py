@@ -1,9 +1,14 @@
 """The view from behind: the robot in its world, for people."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
+from cli_calls import put_file
 from sim_worlds import world_of
 
+from navfw.cli.recordings import chase_of
 from navfw.numerics import Image
 from navfw.robot import RobotModel
 from navfw.signals import Pose
@@ -50,9 +55,9 @@ def test_walkers_are_drawn_where_they_are() -> None:
     assert (near != gone).any(axis=2).mean() > 0.01
 
 
-def test_a_run_whose_world_is_not_found_has_no_view() -> None:
+def test_a_run_whose_world_is_not_found_has_no_view(tmp_path: Path) -> None:
     robot = RobotModel().model_dump(mode="json")
     result = {"world": "office", "config": {"mission": {"robot": robot}}}
-    assert ChaseView.of_run(result, SIZE) is not None
-    assert ChaseView.of_run(result | {"world": "atlantis"}, SIZE) is None
-    assert ChaseView.of_run({"world": "office"}, SIZE) is None
+    for changes, known in (({}, True), ({"world": "atlantis"}, False), ({"config": {}}, False)):
+        put_file(tmp_path, "result.json", json.dumps(result | changes))
+        assert (chase_of(tmp_path, SIZE) is not None) == known
