@@ -9,14 +9,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 LIMITS = {
-    "navfw/, lines of Python": 66278,
+    "navfw/, lines of Python": 66438,
     "navfw/, lines of stubs": 260,
-    "navfw/, lines of scripts, pages, styles and templates": 1746,
+    "navfw/, lines of scripts, pages, styles and templates": 1756,
     "behaviors/, lines of Python": 1571,
     "examples/, lines of Python": 647,
     "benchmarks/, lines of Python, pages and stubs": 7310,
-    "tests/, lines of Python": 45147,
-    "docs/, words": 43614,
+    "tests/, lines of Python": 45263,
+    "docs/, words": 43779,
     "README.md, words": 900,
     "pyproject.toml, lines": 303,
 }
@@ -27,7 +27,7 @@ def counts(root: Path = ROOT) -> Mapping[str, int]:
     """What each folder has, by the names of ``LIMITS``; empty lines and comments count too."""
     navfw = root / "navfw"
     return {
-        "navfw/, lines of Python": _lines(navfw, ".py"),
+        "navfw/, lines of Python": 66438_lines(navfw, ".py"),
         "navfw/, lines of stubs": _lines(navfw, ".pyi"),
         "navfw/, lines of scripts, pages, styles and templates": _lines(
             navfw, ".js", ".html", ".css", ".template"
