@@ -295,7 +295,7 @@ class MissionResult(RunResult):
             objections=tuple(
                 text for name, text in failed.items() if session.uninvited([f"{name}: "])
             ),
-            notes=stack.planner.notes,
+            notes=stack.state.notes,
             events=drive.events.log,
             session=session,
             verdict=verdict,

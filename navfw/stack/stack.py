@@ -277,6 +277,7 @@ class Stack:
             veto=veto,
             sight=self.local_map.sight.judgement,
             slower=slower,
+            notes=self.planner.notes,
             faults=tuple(str(fault) for fault in self.guard.faults),
             landmark_detections=detections,
             detection_counts=counts,

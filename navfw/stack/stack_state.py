@@ -23,8 +23,9 @@ class StackState:
     the safety monitor stops the robot, ``fault`` what has failed for too long, ``faults`` are those
     of plugins. ``unsure``: the estimate is at the goal, but too uncertain to count. ``sight`` is
     how well the camera shows the path ahead, ``slower`` the rule or limit that has kept the robot
-    below its top speed since the last frame. ``landmark_detections`` are the last frame's, in the
-    map or not; ``detection_counts`` counts all so far, by identity.
+    below its top speed since the last frame, ``notes`` what the planner found to differ from the
+    map. ``landmark_detections`` are the last frame's, in the map or not; ``detection_counts``
+    counts all so far, by identity.
     """
 
     time: float
@@ -44,6 +45,7 @@ class StackState:
     unsure: bool = False
     sight: signals.Sight = signals.Sight.ENOUGH
     slower: str = ""
+    notes: str = ""
     fault: PersistentFailure | None = None
     faults: tuple[str, ...] = ()
     landmark_detections: tuple[signals.LandmarkDetection, ...] = ()

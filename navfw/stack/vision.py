@@ -161,6 +161,7 @@ class Vision:
             moving_objects = self.detect(frame, odometry, flows[-1] if flows else None)
             stixels = self._detector.stixels(self._frames.pairs(), odometry)
             metric = self._settings.floor_model and self._settings.derotate
+            metric = metric and not self._settings.oracle  # its images may show nothing
             low_things = self._low_things.search(frame, odometry) if metric else None
         return View(
             *(tuple(flows), tuple(percepts), moving_objects, stixels, low_things),

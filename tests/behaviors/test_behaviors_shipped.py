@@ -175,7 +175,7 @@ def test_escape_looks_again_from_farther_back_where_the_way_ahead_is_free_but_un
         arcs = replace(standing.arcs, observed=np.full_like(standing.arcs.free, observed))
         assert standing.arcs.free[-1, standing.commands.w.size // 2] > 0.3
         escape.reset()
-        applies = []
+        applies: list[float] = []
         for k in range(60):
             pose = Pose(standing.pose.x - 0.3 * any(applies), standing.pose.y, standing.pose.yaw)
             now = replace(standing, time=standing.time + 0.1 * k, arcs=arcs, pose=pose)

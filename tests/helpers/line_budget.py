@@ -9,13 +9,13 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 LIMITS = {
-    "navfw/, lines of Python": 66438,
+    "navfw/, lines of Python": 66442,
     "navfw/, lines of stubs": 260,
     "navfw/, lines of scripts, pages, styles and templates": 1756,
     "behaviors/, lines of Python": 1571,
     "examples/, lines of Python": 647,
     "benchmarks/, lines of Python, pages and stubs": 7310,
-    "tests/, lines of Python": 45263,
+    "tests/, lines of Python": 45275,
     "docs/, words": 43779,
     "README.md, words": 900,
     "pyproject.toml, lines": 303,

@@ -39,7 +39,9 @@ def project(workdir: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder = workdir / "first"
     assert invoke("new", "project", str(folder)).exit_code == 0
     put_files(folder, FILES)
-    shutil.copytree(shipped_folder() / "worlds" / "lounge", folder / WORLD)
+    worlds = shipped_folder() / "worlds"
+    shutil.copytree(worlds / "lounge", folder / WORLD)
+    shutil.copytree(worlds / "pictures", folder / "worlds" / "pictures")
     missions = folder / WORLD / "missions"
     (missions / "to-the-hall.yaml").rename(missions / "go.yaml")
     monkeypatch.chdir(folder)
