@@ -15,7 +15,7 @@ LIMITS = {
     "behaviors/, lines of Python": 1571,
     "examples/, lines of Python": 647,
     "benchmarks/, lines of Python, pages and stubs": 7310,
-    "tests/, lines of Python": 45275,
+    "tests/, lines of Python": 45277,
     "docs/, words": 43779,
     "README.md, words": 900,
     "pyproject.toml, lines": 303,

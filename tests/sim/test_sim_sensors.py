@@ -2,9 +2,11 @@
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 import pytest
 from pydantic import ValidationError
 from sim_worlds import PERFECT, TICK, drive, frames
@@ -106,7 +108,7 @@ def test_images_black_over_exposed_noisy_and_blurred(room: Simulation) -> None:
         assert 0.0 < frame_with(simulation, CameraFault(black=True)).mean() < 5.0
 
 
-def fine(image: Image) -> Array:
+def fine(image: npt.NDArray[Any]) -> Array:
     """What is finer than 4 px in an image (height, width), without the light on the walls."""
     grey = image.astype(np.float64)
     return np.asarray(grey - cv2.GaussianBlur(grey, (0, 0), 4.0))
