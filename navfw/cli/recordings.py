@@ -160,7 +160,7 @@ def write_video(folder: Path, target: Path, *, quiet: bool) -> None:
         echo(f"video: {target}", err=True)
 
 
-def chase_of(folder: Path, size: tuple[int, int], fine: int = 1) -> Any:
+def chase_of(folder: Path, size: tuple[int, int] = (480, 270), fine: int = 1) -> Any:
     """What draws the run in a folder from behind; None without the simulator or its world."""
     result = read_result(folder)
     try:
@@ -280,7 +280,7 @@ def _write(
 
     target = out or folders[0] / REPORT
     output_file(target, "--out")
-    write_text(target, run_report(folders[0], chase_of(folders[0], (480, 270))))
+    write_text(target, run_report(folders[0], chase_of(folders[0])))
     return target, []
 
 
@@ -326,7 +326,7 @@ def _write_run_reports(suite: SuiteFolder, bar: ProgressBar) -> list[str]:
     for number, folder in enumerate(folders):
         bar.update(number, len(folders), folder.name)
         try:
-            write_text(folder / REPORT, run_report(folder, chase_of(folder, (480, 270))))
+            write_text(folder / REPORT, run_report(folder, chase_of(folder)))
         except InputError as error:
             wrong.append(str(error))
     return wrong

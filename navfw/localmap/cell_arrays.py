@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from navfw.numerics import Array, Mask
+from navfw.numerics.arrays import Indices
 
 
 def cell_disc(radius: int) -> Mask:
@@ -36,3 +37,13 @@ def shifted(grid: Array, columns: int, rows: int) -> Array:
     source = np.s_[max(0, rows) : n + min(0, rows), max(0, columns) : n + min(0, columns)]
     moved[target] = grid[source]
     return moved
+
+
+def clipped_cells(
+    points: Array, origin: tuple[float, float], cell: float, size: int
+) -> tuple[tuple[Indices, Indices], Mask]:
+    """Return rows and columns (...) of ``points`` (..., 2) [m], clipped; and which are inside."""
+    cells = np.rint((points - np.array(origin)) / cell).astype(np.intp)
+    inside = np.all((cells >= 0) & (cells < size), axis=-1)
+    columns, rows = np.moveaxis(np.clip(cells, 0, size - 1), -1, 0)
+    return (rows, columns), inside

@@ -14,6 +14,7 @@ from pydantic import Field
 
 from navfw.config.strict_model import StrictModel
 from navfw.localmap import free_distances
+from navfw.localmap.cell_arrays import clipped_cells
 from navfw.localmap.local_planner import LocalGoal, LocalPlanner, LocalPlannerParams
 from navfw.localmap.occupancy_grid import OccupancyGrid, OccupancyParams
 from navfw.localmap.path_sight import PathSight
@@ -356,11 +357,9 @@ class LocalMap:
         to = pose.points_to_parent(belief.pose.points_to_local(points))
         start = np.array((pose.x, pose.y))
         line = start + _SHARES[:, None] * (to - start)[:, None]
-        cells = np.rint((line - grid.origin) / grid.params.cell).astype(np.intp)
-        inside = np.all((cells >= 0) & (cells < grid.size), axis=-1)
-        columns, rows = np.moveaxis(np.clip(cells, 0, grid.size - 1), -1, 0)
-        clearance = np.where(inside, grid.clearance[rows, columns], grid.params.extent)
-        observed = inside & (grid.observed[rows, columns] > 0)
+        at, inside = clipped_cells(line, grid.origin, grid.params.cell, grid.size)
+        clearance = np.where(inside, grid.clearance[at], grid.params.extent)
+        observed = inside & (grid.observed[at] > 0)
         return SightLines(points, np.concatenate(indices), clearance - grid.robot.radius, observed)
 
     def _covers(self, end: tuple[float, float], pose: Pose, belief: Belief) -> bool:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 import cv2
 import numpy as np
 
 from navfw.numerics import Array, Mask
-from navfw.signals import Pose
+from navfw.numerics.arrays import Indices
 
 _BOUNDS, _OCCUPIED = (-0.5, 4.0), 1.5  # chosen
 """Bounds of the log-odds, and those from which on a cell is occupied: two images must show it."""
@@ -16,19 +14,11 @@ _AROUND = np.ones((5, 5), np.uint8)  # chosen
 """Cells around a low thing that are occupied unless floor was seen there: not all of it shows."""
 
 
-def add_low_things(
-    layer: Array, low_things: Array, pose: Pose, origin: tuple[float, float], cell: float
-) -> None:
-    """Add ``low_things`` (n, 3), seen from odom ``pose``, to ``layer``: of a cell's the largest.
-
-    Rows are x, y [m, base_link] and log-odds; ``origin`` [m, odom] and ``cell`` [m] are the grid's.
-    """
-    low_things = low_things[np.argsort(low_things[:, 2], kind="stable")]
-    c, s = math.cos(pose.yaw), math.sin(pose.yaw)
-    x = pose.x + c * low_things[:, 0] - s * low_things[:, 1] - origin[0]
-    y = pose.y + s * low_things[:, 0] + c * low_things[:, 1] - origin[1]
-    at = np.rint(y / cell).astype(np.intp), np.rint(x / cell).astype(np.intp)
-    layer[at] = np.clip(layer[at] + low_things[:, 2], *_BOUNDS)
+def add_low_things(layer: Array, cells: tuple[Indices, Indices], evidence: Array) -> None:
+    """Add ``evidence`` (n,) [log-odds] at ``cells`` to ``layer``: of a cell's the largest."""
+    order = np.argsort(evidence, kind="stable")
+    at = cells[0][order], cells[1][order]
+    layer[at] = np.clip(layer[at] + evidence[order], *_BOUNDS)
 
 
 def with_low_things(occupied: Mask, layer: Array) -> Mask:

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from pydantic import Field, model_validator
 
 from navfw.config.strict_model import StrictModel
-from navfw.localmap.cell_arrays import cell_disc, distances, shifted
+from navfw.localmap.cell_arrays import cell_disc, clipped_cells, distances, shifted
 from navfw.localmap.low_layer import add_low_things, with_low_things
 from navfw.localmap.sensor_kernels import cast_evidence, decay_view, merge_evidence, rays_of
 from navfw.numerics import Array, Mask
@@ -242,7 +242,9 @@ class OccupancyGrid:
 
     def integrate_low(self, low_things: Array, pose: Pose) -> None:
         """Add the evidence of ``low_things`` (n, 3), seen from odom ``pose``."""
-        add_low_things(self._low, low_things, pose, self.origin, self.params.cell)
+        seen = pose.points_to_parent(low_things[:, :2])
+        at, _ = clipped_cells(seen, self.origin, self.params.cell, self.size)
+        add_low_things(self._low, at, low_things[:, 2])
         self._forget_derived()
 
     def _camera_position(self, pose: Pose) -> tuple[float, float]:
@@ -381,10 +383,9 @@ class OccupancyGrid:
         occupied cell, or in a wall that was set.
         """
         if self._blind_clearance is None:
-            cells = np.rint((self._walls - self.origin) / self.params.cell).astype(np.intp)
-            columns, rows = cells[np.all((cells >= 0) & (cells < self.size), axis=1)].T
+            at, inside = clipped_cells(self._walls, self.origin, self.params.cell, self.size)
             hidden = self.clearance <= _WALL_DEPTH
-            hidden[rows, columns] = True
+            hidden[at[0][inside], at[1][inside]] = True
             self._blind_clearance = self._distances(hidden & (self.observed == 0) | self.occupied)
         return self._blind_clearance
 

@@ -18,6 +18,7 @@ import numpy as np
 from pydantic import Field
 
 from navfw.config.strict_model import StrictModel
+from navfw.localmap.cell_arrays import clipped_cells
 from navfw.localmap.occupancy_grid import OccupancyGrid
 from navfw.numerics.arrays import Array, Bytes, Indices
 from navfw.signals import Belief, PassageQuery, PassageStatus, Pose
@@ -41,7 +42,6 @@ _ROUNDING = 1e-6  # chosen
 _START_RADIUS = 0.5  # chosen
 """Radius [m] around the robot within which a path may begin: false obstacles beside the robot must
 not close every leg."""
-
 
 _ALONG_WALL, _WALL_DEPTH, _STEP = 1.0, 0.2, 0.05  # chosen
 """Distances [m] along and across its wall, in steps, at which a door's opening is looked for."""
@@ -188,11 +188,9 @@ def find_opening(
     along = off[:, None] * (across[1], -across[0]) + query.end
     points = (along[:, None] + deep[:, None] * across).reshape(-1, 2)
     to = pose.points_to_parent(belief.pose.points_to_local(points))
-    cells = np.rint((to - grid.origin) / grid.params.cell).astype(np.intp)
-    columns, rows = np.clip(cells, 0, grid.size - 1).T
-    free = (grid.clearance[rows, columns] >= grid.robot.radius) & (
-        cv2.dilate(grid.observed, _GAPS)[rows, columns] > 0
-    )
+    at, _ = clipped_cells(to, grid.origin, grid.params.cell, grid.size)
+    observed = cv2.dilate(grid.observed, _GAPS)[at] > 0
+    free = observed & (grid.clearance[at] >= grid.robot.radius)
     fits = free.reshape(len(off), -1).all(axis=1)
     ends = np.flatnonzero(np.diff(fits, prepend=False, append=False)).reshape(-1, 2)
     if not len(ends):

@@ -82,8 +82,8 @@ class Verdict:
         the turn changes with the inputs, where the joined set keeps to the stronger term's peak.
         """
         speed = self.over("speed", commands.relative_v)
-        crisp = commands.turning(self.value("turn")) if crisp_turn else None
-        turn = self.over("turn", commands.relative_w) if crisp is None else crisp
+        turns = commands.relative_w
+        turn = commands.turning(self.value("turn")) if crisp_turn else self.over("turn", turns)
         desired = commands.product(speed, turn)
         return desired / max(float(desired.max()), 1e-3)
 

@@ -276,7 +276,7 @@ class Papfis(Planner):
 
     @property
     def queries(self) -> Sequence[PassageQuery]:
-        """Legs ahead, to be checked by the local map: those that begin within 2.5 m of path."""
+        """Legs ahead, to be checked by the local map: those that begin within 6 m of path."""
         if self._tour is None or self._at is None:
             return ()
         return self._tour.queries(self._at)

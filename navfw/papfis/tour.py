@@ -226,7 +226,7 @@ class Tour:
         return [*self._ahead, *(waypoint for leg in self._later for waypoint in leg)]
 
     def queries(self, at: Point) -> list[PassageQuery]:
-        """Return the legs from ``at`` to the present goal that begin within 2.5 m of path."""
+        """Return the legs from ``at`` to the present goal that begin within 6 m of path."""
         queries, start, so_far = [], at, 0.0
         for waypoint in self._ahead:
             if so_far >= _QUERY_RANGE:

@@ -283,8 +283,9 @@ def case_templates(suite: Suite, index: int, worlds: Path | None = None) -> list
 
     """
     entry = suite.spec.entries[index]
-    case = Case(0, entry.title, difficulty=entry.difficulty, contrast=entry.contrast)
-    case = replace(case, pairs=entry.pairs)
+    case = Case(
+        0, entry.title, difficulty=entry.difficulty, contrast=entry.contrast, pairs=entry.pairs
+    )
     if entry.family is not None:
         return [replace(case, family=entry.family, look=entry.look)]
     key = "world" if entry.world is not None else "worlds"
