@@ -40,7 +40,7 @@ MOMENT = 12.0
 WIDTH, HEIGHT = 640, 720
 """Size of the camera's half of the picture [px]."""
 
-FRAMES, RATE = 40, 4
+FRAMES, RATE = 30, 3
 """Pictures of the animation, and pictures per second."""
 
 
