@@ -131,7 +131,7 @@ class OccupancyGrid:
         self._weak_sight = False
         self._obstacles: tuple[OccupiedDisc, ...] = ()
         self._walls: Array = np.empty((0, 2))
-        self._doubted, self.driven, self._low = np.zeros((3, self.size, self.size))
+        self._doubted, self.driven, self.low = np.zeros((3, self.size, self.size))
         self._clearance: Array | None = None
         self._blind_clearance: Array | None = None
         self._observed: npt.NDArray[np.uint8] | None = None
@@ -149,14 +149,14 @@ class OccupancyGrid:
         else:
             shift = [round((to - at) / cell) for to, at in zip(corner, self._origin, strict=True)]
             if max(abs(s) for s in shift) > round(_SHIFT / cell):
-                grids = self.log_odds, self._doubted, self.driven, self._low
+                grids = self.log_odds, self._doubted, self.driven, self.low
                 moved = [shifted(grid, *shift) for grid in grids]
-                self.log_odds, self._doubted, self.driven, self._low = moved
+                self.log_odds, self._doubted, self.driven, self.low = moved
                 self._origin = corner
         if self._time is not None and time > self._time:
             kept = math.exp((self._time - time) / self.params.decay)
             self.log_odds *= kept
-            self._low *= kept
+            self.low *= kept
         self._time = time
         self._mark_footprint(pose)
         rear = min(disc[0] for disc in self.robot.discs)
@@ -244,7 +244,7 @@ class OccupancyGrid:
         """Add the evidence of ``low_things`` (n, 3), seen from odom ``pose``."""
         seen = pose.points_to_parent(low_things[:, :2])
         at, _ = clipped_cells(seen, self.origin, self.params.cell, self.size)
-        add_low_things(self._low, at, low_things[:, 2])
+        add_low_things(self.low, at, low_things[:, 2])
         self._forget_derived()
 
     def _camera_position(self, pose: Pose) -> tuple[float, float]:
@@ -323,7 +323,7 @@ class OccupancyGrid:
     def occupied(self) -> Mask:
         """Which cells (n, n) are occupied: by log-odds, in doubt, or by a set obstacle."""
         least = min(self.params.occupied, _WEAK_OCCUPIED if self._weak_sight else math.inf)
-        occupied = with_low_things(self.log_odds >= least, self._low)
+        occupied = with_low_things(self.log_odds >= least, self.low)
         if self._doubted.any():
             occupied |= (self._doubted > 0.0) & (cv2.dilate(self.observed, _GAP) == 0)
         return self._painted(occupied, self._obstacles)

@@ -12,6 +12,7 @@ from .geometry import Pose as Pose
 from .geometry import Twist as Twist
 from .geometry import position_sigma as position_sigma
 from .geometry import wrap_angle as wrap_angle
+from .grown_grid import GrownGrid as GrownGrid
 from .percepts import Conflicts as Conflicts
 from .percepts import Label as Label
 from .percepts import MovingObject as MovingObject

@@ -26,7 +26,7 @@ from processes import run
 
 import navfw
 
-MAX_EXPORTED = 250
+MAX_EXPORTED = 260
 MAX_LINES = 400
 MAX_FUNCTION_LINES = 60
 SOURCES = [*MODULES, *BEHAVIORS]

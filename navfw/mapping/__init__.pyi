@@ -1,0 +1,2 @@
+from .growing_map import GrowingMap as GrowingMap
+from .growing_map import GrowingMapParams as GrowingMapParams

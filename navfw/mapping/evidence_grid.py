@@ -1,0 +1,81 @@
+"""The global grid of evidence, which grows where submaps are merged into it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from navfw.mapping.evidence_kernels import merge_submap
+from navfw.mapping.submaps import Submap
+from navfw.numerics import Array
+from navfw.signals import Pose
+from navfw.signals.grown_grid import Evidence
+
+_BLOCK = 128  # chosen
+"""Cells by which the grid grows at a time."""
+
+
+@dataclass(frozen=True, slots=True)
+class KeyPose:
+    """A submap, and ``pose``: where in ``map`` the robot was at its key pose."""
+
+    submap: Submap
+    pose: Pose
+
+    @property
+    def correction(self) -> Pose:
+        """The pose of ``odom`` in ``map`` by which the submap is placed."""
+        return self.pose.frame_of(self.submap.key)
+
+
+class EvidenceGrid:
+    """A grid of evidence that grows by blocks where submaps are merged into it."""
+
+    def __init__(self, cell: float) -> None:
+        self.cell = cell
+        self.cells: Evidence = np.zeros((0, 0), np.int8)
+        self._first = 0, 0  # row and column, counted from the frame's origin, of cell [0, 0]
+
+    @property
+    def origin(self) -> tuple[float, float]:
+        """Position (x, y) [m] of the centre of cell [0, 0]."""
+        row, column = self._first
+        return column * self.cell, row * self.cell
+
+    def copy(self) -> EvidenceGrid:
+        """Return an independent copy."""
+        copy = EvidenceGrid(self.cell)
+        copy.cells, copy._first = self.cells.copy(), self._first
+        return copy
+
+    def merge(self, key: KeyPose) -> None:
+        """Merge the submap of ``key`` at its pose."""
+        submap, frame = key.submap, key.correction
+        rows, columns = submap.evidence.shape
+        x, y = submap.corner
+        far_x, far_y = x + (columns - 1) * self.cell, y + (rows - 1) * self.cell
+        corners = np.array([(x, y), (far_x, y), (x, far_y), (far_x, far_y)])
+        self._cover(frame.points_to_parent(corners) / self.cell)
+        at = frame.points_to_parent(corners[:1])[0] / self.cell
+        row, column = at[1] - self._first[0], at[0] - self._first[1]
+        merge_submap(self.cells, submap.evidence, column, row, frame.yaw)
+
+    def _cover(self, points: Array) -> None:
+        """Grow so that ``points`` (n, 2: x, y) [cells] lie inside."""
+        low, high = np.floor(points.min(axis=0)) - 1, np.ceil(points.max(axis=0)) + 1
+        first = [int(v) // _BLOCK * _BLOCK for v in low[::-1]]
+        end = [-(-int(v) // _BLOCK) * _BLOCK for v in high[::-1]]
+        if self.cells.size:
+            first = [min(a, b) for a, b in zip(first, self._first, strict=True)]
+            old_end = [a + n for a, n in zip(self._first, self.cells.shape, strict=True)]
+            end = [max(a, b) for a, b in zip(end, old_end, strict=True)]
+        shape = end[0] - first[0], end[1] - first[1]
+        if shape == self.cells.shape:
+            return
+        grown: Evidence = np.zeros(shape, np.int8)
+        row, column = self._first[0] - first[0], self._first[1] - first[1]
+        rows, columns = self.cells.shape
+        if self.cells.size:
+            grown[row : row + rows, column : column + columns] = self.cells
+        self.cells, self._first = grown, (first[0], first[1])

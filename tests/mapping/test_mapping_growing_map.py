@@ -1,0 +1,97 @@
+"""The growing map: what was observed becomes free, occupied or unseen cells of one grid."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mapping_scenes import ROBOT, ROOM, ROUND, SIGHT, agreement, drive, inside, poses_along
+
+from navfw.localmap import LocalMap
+from navfw.mapping import GrowingMap
+from navfw.signals import GrownGrid, OccupiedDisc, Odometry, Pose, Twist
+
+STARTS = st.builds(Pose, st.floats(-20, 20), st.floats(-20, 20), st.floats(-3.1, 3.1))
+STILL = Odometry(0.0, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), 0.0, still=True)
+
+
+def seen_share(grid: GrownGrid, path: list[Pose]) -> float:
+    """The share of cells within sight of the path that are not unseen."""
+    rows, columns = np.indices(grid.log_odds.shape)
+    x, y = grid.origin[0] + columns * grid.cell, grid.origin[1] + rows * grid.cell
+    near = np.zeros(x.shape, dtype=np.bool_)
+    for pose in path[::10]:
+        near |= np.hypot(x - pose.x, y - pose.y) < SIGHT - 0.1
+    return float((~grid.unseen[near]).mean())
+
+
+def test_what_was_observed_on_the_way_is_free_or_occupied() -> None:
+    growing = GrowingMap(ROBOT)
+    path = list(poses_along(ROUND))
+    drive(growing, ROOM, path)
+    occupied, free = agreement(growing.grid, ROOM)
+    assert occupied == free == 1.0
+    assert seen_share(growing.grid, path) > 0.999
+    assert growing.grid.unseen.any()
+    assert len(growing.keys) > 10
+
+
+@settings(max_examples=10)
+@given(STARTS)
+def test_the_map_lies_in_the_frame_of_the_start(start: Pose) -> None:
+    growing = GrowingMap(ROBOT)
+    growing.reset(start)
+    path = list(poses_along(ROUND[:2]))
+    drive(growing, ROOM, path)
+    end = start.compose(path[-1])
+    assert (growing.pose.x, growing.pose.y) == pytest.approx((end.x, end.y))
+    grid = growing.grid
+    solid = grid.centres(np.argwhere(grid.occupied))
+    local = start.points_to_local(solid)
+    near = inside([(a - 0.06, b + 0.06, c - 0.06, d + 0.06) for a, b, c, d in ROOM], *local.T)
+    assert near.all()
+    assert len(solid) > 200
+
+
+def test_a_wall_that_has_gone_is_free_when_it_is_seen_again() -> None:
+    path = list(poses_along(((0.0, 0.0), (1.4, 0.0), (0.0, 0.0))))
+    growing = GrowingMap(ROBOT)
+    drive(growing, (*ROOM, (2.0, 2.1, -0.5, 0.5)), path)
+    cell = tuple(growing.grid.cells_at(np.array([[2.05, 0.0]]))[0])
+    assert growing.grid.occupied[cell]
+    drive(growing, ROOM, path, begin=100.0)
+    assert growing.grid.free[cell]
+
+
+def test_what_stands_under_a_moving_obstacle_is_left_out() -> None:
+    seen = []
+    for moving in ((), (OccupiedDisc(1.0, 0.0, 0.3),)):
+        growing, local_map = GrowingMap(ROBOT), LocalMap(ROBOT)
+        local_map.occupancy.update(STILL.pose, 0.0)
+        local_map.occupancy.log_odds[local_map.occupancy.index(1.0, 0.0)] = 3.0
+        growing.update(STILL, local_map, moving)
+        growing.finish()
+        seen.append(bool(growing.grid.occupied.any()))
+    assert seen == [True, False]
+
+
+def test_nothing_is_known_before_the_first_frame() -> None:
+    growing = GrowingMap(ROBOT)
+    growing.finish()
+    assert growing.keys == []
+    assert growing.pose == Pose(0.0, 0.0, 0.0)
+    with pytest.raises(RuntimeError, match="observed nothing yet"):
+        _ = growing.grid
+
+
+def test_decayed_evidence_is_not_observed_again() -> None:
+    growing, local_map = GrowingMap(ROBOT), LocalMap(ROBOT)
+    local_map.occupancy.update(STILL.pose, 0.0)
+    local_map.occupancy.log_odds[:] = -1.5
+    growing.update(STILL, local_map)
+    growing.finish()
+    later = Odometry(5.0, Pose(0.1, 0.0, 0.0), Twist(0.0, 0.0), 0.0, still=True)
+    local_map.occupancy.update(later.pose, later.time)
+    growing.update(later, local_map)
+    growing.finish()
+    first, second = (key.submap.evidence for key in growing.keys)
+    assert np.count_nonzero(second) < 0.02 * np.count_nonzero(first)  # the footprint alone
