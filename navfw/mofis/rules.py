@@ -78,12 +78,14 @@ class Verdict:
         Between two terms both sets are cut low; without the scaling a behaviour would there be
         outweighed by behaviours without a preference.
 
-        With ``crisp_turn`` the set of turns is a triangle about the crisp turn: between two terms
-        the turn changes with the inputs, where the joined set keeps to the stronger term's peak.
+        With ``crisp_turn`` a triangle about the crisp turn is joined to the set of turns: between
+        two terms the turn then changes with the inputs, where the set by itself keeps to the
+        stronger term's peak. (The triangle by itself leaves other behaviours too little choice.)
         """
         speed = self.over("speed", commands.relative_v)
-        turns = commands.relative_w
-        turn = commands.turning(self.value("turn")) if crisp_turn else self.over("turn", turns)
+        turn = self.over("turn", commands.relative_w)
+        if crisp_turn:
+            turn = np.maximum(turn, commands.turning(self.value("turn")))
         desired = commands.product(speed, turn)
         return desired / max(float(desired.max()), 1e-3)
 

@@ -112,9 +112,12 @@ def crossing_cells(flow: FlowField, camera: CameraModel) -> list[tuple[Mask, Mas
     shown &= lever > _FOE_RADIUS * flow.motion.baseline
     error = np.hypot(flow.sigma, direction_sigma(flow.motion) * np.hypot(u, v))
     weight = shown / ((error**2 + _PATCH_SIGMA**2) * np.maximum(lever, 1e-9) ** 2)
+    count, across = np.count_nonzero(shown, axis=0), y * u - x * v
     information = np.sum(weight * y**2, axis=0)
-    shift = np.sum(weight * y * (y * u - x * v), axis=0) / np.sqrt(np.maximum(information, 1e-9))
-    shift[np.count_nonzero(shown, axis=0) < _COLUMN_CELLS] = 0.0
+    shift = np.sum(weight * y * across, axis=0) / np.sqrt(np.maximum(information, 1e-9))
+    unexplained = np.sum(weight * across**2, axis=0) - shift**2  # mismatches share no shift
+    shift /= np.sqrt(np.maximum(unexplained / np.maximum(count - 1, 1), 1.0))
+    shift[count < _COLUMN_CELLS] = 0.0
     side = np.where(np.abs(shift) > _COLUMN_GATE, np.sign(shift), 0.0)
     bodies = np.cumsum(np.diff(side, prepend=0.0) != 0.0)
     together = np.bincount(bodies, np.abs(side) * shift**2) > _COLUMNS_GATE**2

@@ -260,6 +260,16 @@ def test_nothing_static_crosses_however_near(depth: float) -> None:
         assert not crossing_cells(whole_image(0.14, (depth, left, 0.5), (0.0, 0.0)), CAMERA)
 
 
+@pytest.mark.parametrize("column", [2, 6, 13])
+def test_mismatches_in_a_column_are_no_body_that_crosses(column: int) -> None:
+    whole = whole_image(0.14, (2.0, 5.0, 0.5), (0.0, 0.0))  # the body is out of view
+    vectors = whole.vectors.copy()
+    vectors[:5, column, 0] += (9.0, 0.0, -1.0, 7.0, 0.0)
+    assert not crossing_cells(dataclasses.replace(whole, vectors=vectors), CAMERA)
+    vectors[:6, column, 0] = whole.vectors[:6, column, 0] + 2.0  # the same shift everywhere
+    assert crossing_cells(dataclasses.replace(whole, vectors=vectors), CAMERA)
+
+
 def located(depth: float) -> float:
     """Distance [m] along the camera's axis of an object that crosses at ``depth`` [m]."""
     (detection,) = locate_moving_objects(scene(0.0, (depth, 0.0, 0.3), (0.0, 0.4)), CAMERA)
