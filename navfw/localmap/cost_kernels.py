@@ -1,7 +1,7 @@
 """Compiled kernels of the local planner: prices of cells, cost-to-go, and descent along it.
 
-All work on square grids indexed [row, column] = [y, x] in the odom frame's directions; distances
-along a path are in cells.
+All work on grids indexed [row, column] = [y, x] in their frame's directions; distances along a path
+are in cells.
 """
 
 from __future__ import annotations
@@ -27,17 +27,16 @@ def price_cells(
     margin: float,
     unobserved_price: float,
 ) -> Array:
-    """Compute the prices (m, m) of crossing every second cell of a grid (n, n); inf where barred.
+    """Compute the prices (m, l) of crossing every second cell of a grid (n, k); inf where barred.
 
     A cell costs 1. It is barred if nearer to an obstacle than ``radius`` plus ``margin`` [m]. From
     there to a rim clearance of ``clear`` [m] the extra price falls quadratically from NARROW_PRICE
     to 0. A cell that is not ``observed`` is passable, but costs ``unobserved_price`` more.
     """
-    n = clearance.shape[0]
-    m = (n + 1) // 2
-    cost = np.empty((m, m))
-    for i in range(m):
-        for j in range(m):
+    rows, columns = (clearance.shape[0] + 1) // 2, (clearance.shape[1] + 1) // 2
+    cost = np.empty((rows, columns))
+    for i in range(rows):
+        for j in range(columns):
             row, column = 2 * i, 2 * j
             rim = clearance[row, column] - radius
             if rim < margin:
@@ -56,18 +55,18 @@ def price_cells(
 def cost_to_go(cost: Array, value: Array, sweeps: int) -> int:
     """Solve the eikonal equation |grad value| = cost by fast sweeping, in place.
 
-    ``cost`` (n, n) is the price of a cell's width, infinite where impassable; ``value`` (n, n)
+    ``cost`` (n, k) is the price of a cell's width, infinite where impassable; ``value`` (n, k)
     holds the boundary values at the sources and infinity elsewhere. Returns the sweeps used
     (Zhao 2005). A cell is updated again only after the value of a neighbour has fallen (locking;
     Bak, McLaughlin and Renzi 2010), which changes no result.
     """
-    n = value.shape[0]
+    n, k = value.shape
     # padded with infinity, so that every cell has four neighbours
-    padded = np.full((n + 2, n + 2), np.inf)
+    padded = np.full((n + 2, k + 2), np.inf)
     padded[1:-1, 1:-1] = value
-    stale = np.zeros((n + 2, n + 2), np.bool_)
+    stale = np.zeros((n + 2, k + 2), np.bool_)
     for i in range(1, n + 1):
-        for j in range(1, n + 1):
+        for j in range(1, k + 1):
             if padded[i, j] < np.inf:
                 _unlock(stale, i, j)
     used = 0
@@ -77,8 +76,8 @@ def cost_to_go(cost: Array, value: Array, sweeps: int) -> int:
         down, right = sweep & 1, (sweep >> 1) & 1
         for a in range(1, n + 1):
             i = n + 1 - a if down else a
-            for b in range(1, n + 1):
-                j = n + 1 - b if right else b
+            for b in range(1, k + 1):
+                j = k + 1 - b if right else b
                 if not stale[i, j]:
                     continue
                 stale[i, j] = False

@@ -175,11 +175,14 @@ def _rules() -> RuleBase:
 @functools.cache
 def _inference() -> tuple[CompiledFis, Array]:
     """Build the inference system; return it and the peak of each rule's penalty term (rules,)."""
-    rule_base = _rules()
-    penalty = rule_base.outputs["penalty"]
+    return CompiledFis(_rules()), concluded_peaks(_rules(), "penalty")
+
+
+def concluded_peaks(rule_base: RuleBase, output: str) -> Array:
+    """Return the peaks (rules,) of the terms of ``output`` that the rules conclude."""
+    variable = rule_base.outputs[output]
     peaks = {}
-    for term in penalty.terms:
-        degrees = penalty.sampled(term)
-        peaks[term] = float(np.mean(penalty.universe[degrees == degrees.max()]))
-    concluded = [peaks[dict(rule.conclusions)["penalty"]] for rule in rule_base.rules]
-    return CompiledFis(rule_base), np.array(concluded)
+    for term in variable.terms:
+        degrees = variable.sampled(term)
+        peaks[term] = float(np.mean(variable.universe[degrees == degrees.max()]))
+    return np.array([peaks[dict(rule.conclusions)[output]] for rule in rule_base.rules])

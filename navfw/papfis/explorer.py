@@ -1,0 +1,354 @@
+"""The planner ``explorer``: drives from frontier to frontier of the growing map, then home.
+
+Frontiers are rated by fuzzy rules (``frontier_choice``). The chosen one is kept until it was
+observed, cannot be reached, or another one has become clearly better. One at which nothing new is
+seen for a while is given up, until what is known around it changes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from navfw.errors import InputError
+from navfw.interfaces import Planner
+from navfw.numerics import Array
+from navfw.papfis.frontier_choice import INPUTS, RULE_BASE, FrontierRules, inputs_of
+from navfw.papfis.given_up import GivenUp, Pursuit, narrow_passages
+from navfw.papfis.known_ground import Frontier, KnownGround
+from navfw.signals import Belief, GrownGrid, PassageQuery, PassageReport, Pose, Waypoint
+from navfw.topomap import TopoMap
+
+Point = tuple[float, float]
+
+_SAME = 0.7  # chosen
+"""Distance [m] by which a frontier may move between two plans and still be the same."""
+_HELD = 0.3  # chosen
+"""Distance [m] up to which a new waypoint is dropped for the old one, which keeps MOFIS' watch on
+progress and the local planner's path."""
+_REPLAN = 0.5  # chosen
+"""Time [s] between two plans: the robot moves by a few cells."""
+_PRICE = 2.0  # chosen
+"""Price of a cell up to which a straight line may cut through it."""
+_AHEAD = 1.0  # chosen
+"""Distance [m] of the waypoint straight ahead, as long as there is no grid."""
+_SLOW, _USUAL = 0.08, 0.3  # chosen
+"""Lower bound [m/s] of the speed by which times are reckoned, and its value before the robot has
+driven for ``_WELL_KNOWN`` seconds."""
+_WELL_KNOWN = 20.0  # chosen
+_SPARE_TIME = 10.0  # chosen
+"""Time [s] at home before the limit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """The frontier chosen at ``time`` [s], with the inputs of the rules and its ``merit``.
+
+    ``others`` are the other candidates, best first, as (frontier, merit).
+    """
+
+    time: float
+    frontier: Frontier
+    inputs: dict[str, float]
+    merit: float
+    others: tuple[tuple[Frontier, float], ...]
+
+
+class Explorer(Planner):
+    """Explores what the robot can reach, frontier by frontier; fuzzy rules choose the next one.
+
+    It plans on the grown grid (a stack with ``growing_map: true``), in the frame ``map`` in which
+    the mission starts. The last goal is the place to return to; without goals it is the start.
+    """
+
+    name: ClassVar[str] = "explorer"
+
+    class Params(Planner.Params):
+        """Time limit, return, and when a frontier is kept or given up."""
+
+        limit: Annotated[
+            float,
+            Field(gt=0.0, le=7200.0, description="time to be back at the start, from the first [s]"),
+        ] = 600.0
+        return_home: Annotated[
+            bool, Field(description="drive back to the start; false: stop where it ends")
+        ] = True
+        rules: Annotated[
+            str | None,
+            Field(
+                min_length=1,
+                max_length=1000,
+                description="file of the rules that rate frontiers; none: those that ship",
+            ),
+        ] = None
+        keep: Annotated[
+            float,
+            Field(ge=0.0, le=1.0, description="merit by which another frontier must be better"),
+        ] = 0.2
+        min_gain: Annotated[
+            float,
+            Field(ge=0.0, le=10.0, description="unseen floor for which a frontier counts [m^2]"),
+        ] = 0.12
+        patience: Annotated[
+            float,
+            Field(gt=0.0, le=600.0, description="time without progress to give a frontier up [s]"),
+        ] = 12.0
+        lookahead: Annotated[
+            float, Field(gt=0.1, le=20.0, description="largest distance of the waypoint [m]")
+        ] = 3.0
+
+    params: Params
+
+    def __init__(self, robot: Any, params: Planner.Params | None = None) -> None:
+        super().__init__(robot, params)
+        self._rules = FrontierRules(Path(self.params.rules) if self.params.rules else RULE_BASE)
+        self.reset()
+
+    @classmethod
+    def check_files(cls) -> None:
+        """Read and check the rules that ship."""
+        FrontierRules()
+
+    def reset(self) -> None:
+        """Return to the state before ``start``."""
+        self._goal: Waypoint | None = None
+        self._began: float | None = None
+        self._planned = -math.inf
+        self._grid: GrownGrid | None = None
+        self._report: PassageReport | None = None
+        self._pose: Pose | None = None
+        self._driven = 0.0
+        self._choice: Choice | None = None
+        self._pursuit: Pursuit | None = None
+        self._given_up: list[GivenUp] = []
+        self._narrow: list[Point] = []
+        self._waypoint: Waypoint | None = None
+        self._way: list[Waypoint] = []
+        self._no_route: str | None = None
+        self._out_of_time = self._done = False
+
+    def start(self, topo_map: TopoMap, goals: Sequence[Waypoint]) -> None:
+        """Start an exploration that ends at the last of ``goals``, or where it begins."""
+        self._goal = goals[-1] if goals else None
+
+    def observe_grid(self, grid: GrownGrid) -> None:
+        """Keep what was observed so far; the next plan is made on it."""
+        self._grid = grid
+
+    def observe(self, report: PassageReport) -> None:
+        """Keep the report on the leg ahead: it says why a frontier is given up."""
+        self._report = report
+
+    @property
+    def queries(self) -> Sequence[PassageQuery]:
+        """The leg to the waypoint ahead."""
+        if self._pose is None or self._waypoint is None:
+            return ()
+        start, end = (self._pose.x, self._pose.y), (self._waypoint.x, self._waypoint.y)
+        return (PassageQuery(("here", self._waypoint.place), start, end),)
+
+    def update(self, belief: Belief) -> Waypoint | None:
+        """Return the waypoint to drive to; None when the exploration has ended."""
+        pose = belief.pose
+        if self._began is None or self._pose is None:
+            self._began, self._pose = belief.time, pose
+            self._goal = self._goal or Waypoint.goal(pose.x, pose.y, 0.2, "start")
+        self._driven += math.dist((pose.x, pose.y), (self._pose.x, self._pose.y))
+        self._pose = pose
+        if self._done:
+            return None
+        if self._grid is None:
+            x, y = pose.to_parent(_AHEAD, 0.0)
+            return Waypoint(x, y, 0.3, "", "waypoint", final=False)
+        if belief.time - self._planned >= _REPLAN - 1e-6:
+            self._planned = belief.time
+            self._plan(self._grid, belief.time)
+        home = self._home
+        near = math.dist((pose.x, pose.y), (home.x, home.y)) <= home.tolerance
+        if self._choice is None and (near or not self.params.return_home):
+            self._done, self._way = True, []
+            return None
+        return self._waypoint
+
+    @property
+    def _home(self) -> Waypoint:
+        if self._goal is None:
+            raise RuntimeError("start() comes before update()")
+        return self._goal
+
+    # --- planning --------------------------------------------------------------------------------
+
+    def _plan(self, grid: GrownGrid, time: float) -> None:
+        pose = self._pose or Pose(0.0, 0.0, 0.0)
+        at, home = (pose.x, pose.y), self._home
+        ground = KnownGround.of(grid, self.robot, at)
+        costs = ground.costs_from(*at)
+        found = [f for f in ground.frontiers(costs) if f.gain >= self.params.min_gain]
+        self._narrow = narrow_passages(ground, costs)
+        self._give_up(found, ground, time)
+        candidates = [f for f in found if not any(g.covers(f) for g in self._given_up)]
+        self._choice = self._chosen(candidates, ground, time)
+        if self._choice is not None:
+            frontier = self._choice.frontier
+            end = Waypoint(frontier.x, frontier.y, 0.3, "frontier", "waypoint", final=False)
+        else:
+            self._pursuit = None
+            end = home
+        self._head_for(ground, costs, at, end)
+
+    def _give_up(self, found: Sequence[Frontier], ground: KnownGround, time: float) -> None:
+        """Give up the frontier that is pursued if it was tried for long enough."""
+        if self._choice is None or self._pursuit is None:
+            return
+        before = self._choice.frontier
+        now = _nearest(found, (before.x, before.y))
+        if now is None:
+            return
+        self._pursuit.update(time, now.length, ground.known_area)
+        if self._pursuit.idle(time) >= self.params.patience:
+            self._given_up.append(GivenUp.at(now, self._why()))
+            self._pursuit = None
+
+    def _why(self) -> str:
+        """Say why the frontier ahead is given up, by the last report on the leg to it."""
+        status = dict(self._report.passages) if self._report is not None else {}
+        closed = "closed" in status.values()
+        if closed:
+            return "the way there is too narrow or blocked"
+        return "nothing can be seen there"
+
+    def _chosen(
+        self, candidates: Sequence[Frontier], ground: KnownGround, time: float
+    ) -> Choice | None:
+        """Choose among ``candidates`` for which there is time; None if there is none."""
+        reserves = self._reserves(candidates, ground, time)
+        fitting = [(f, r) for f, r in zip(candidates, reserves, strict=True) if r > 0.0]
+        self._out_of_time = bool(candidates) and not fitting
+        if not fitting or self._pose is None:
+            return None
+        frontiers = [f for f, _ in fitting]
+        rows = inputs_of(frontiers, self._pose, [r for _, r in fitting])
+        merits = self._rules.merits(dict(zip(INPUTS, rows, strict=True))).tolist()
+        order = sorted(
+            range(len(frontiers)),
+            key=lambda k: (-merits[k], frontiers[k].length, frontiers[k].x, frontiers[k].y),
+        )
+        best = order[0]
+        if self._choice is not None and self._pursuit is not None:
+            before = self._choice.frontier
+            same = _nearest(frontiers, (before.x, before.y))
+            if same is not None:
+                kept = frontiers.index(same)
+                best = kept if merits[best] <= merits[kept] + self.params.keep else best
+                if best != kept:
+                    self._pursuit = None
+            else:
+                self._pursuit = None
+        if self._pursuit is None:
+            self._pursuit = Pursuit(time, frontiers[best].length, ground.known_area)
+        inputs = dict(zip(INPUTS, rows[:, best].tolist(), strict=True))
+        others = tuple((frontiers[k], merits[k]) for k in order if k != best)
+        return Choice(time, frontiers[best], inputs, merits[best], others)
+
+    def _reserves(
+        self, frontiers: Sequence[Frontier], ground: KnownGround, time: float
+    ) -> list[float]:
+        """Return the times [s] that are left after each of ``frontiers`` and the way home."""
+        began = time if self._began is None else self._began
+        driving = time - began
+        speed = _USUAL if driving < _WELL_KNOWN else max(self._driven / driving, _SLOW)
+        left = self.params.limit - driving - _SPARE_TIME
+        if not self.params.return_home:
+            return [left - f.length / speed for f in frontiers]
+        lengths = ground.lengths_from(self._home.x, self._home.y)
+        return [
+            left - (f.length + _or_straight(lengths, ground, f, self._home)) / speed
+            for f in frontiers
+        ]
+
+    def _head_for(self, ground: KnownGround, costs: Array, at: Point, end: Waypoint) -> None:
+        """Set the waypoint: the farthest point of the path to ``end`` in a straight line."""
+        path = ground.path_to(costs, end.x, end.y)
+        self._no_route = None if len(path) else f"no known floor leads back to {end.label}"
+        corners, last = list[Waypoint](), at
+        points = [*map(tuple, path.tolist()), (end.x, end.y)]
+        index = 0
+        while index < len(points) - 1:
+            index = self._farthest(ground, points, index, last)
+            last = points[index]
+            corners.append(replace(end, x=last[0], y=last[1], kind="waypoint", final=False))
+        self._way = [*corners[:-1], end]
+        ahead = self._way[0]
+        if self._waypoint is not None and not ahead.final:
+            moved = math.dist((ahead.x, ahead.y), (self._waypoint.x, self._waypoint.y))
+            if moved < _HELD and not self._waypoint.final:
+                return
+        self._waypoint = ahead
+
+    def _farthest(self, ground: KnownGround, points: list[Point], begin: int, at: Point) -> int:
+        """Return the last of the ``points`` of a path that a straight line from ``at`` reaches."""
+        best = begin + 1
+        for ahead in range(begin + 1, len(points)):
+            if math.dist(at, points[ahead]) > self.params.lookahead:
+                break
+            if ground.sees(at, points[ahead], _PRICE):
+                best = ahead
+        return best
+
+    # --- what others read ------------------------------------------------------------------------
+
+    @property
+    def path(self) -> Sequence[Waypoint]:
+        """The corners of the path to the frontier, or home."""
+        return self._way
+
+    @property
+    def no_route_reason(self) -> str | None:
+        """A message if no known floor leads home; None otherwise."""
+        return self._no_route
+
+    @property
+    def notes(self) -> str:
+        """What was left unexplored, and why."""
+        left = [f"({g.x:.1f}, {g.y:.1f}): {g.reason}" for g in self._given_up]
+        left += [f"({x:.1f}, {y:.1f}): the passage is too narrow" for x, y in self._narrow]
+        late = ["no time was left for what is beyond the last frontiers"] * self._out_of_time
+        return "; ".join([*late, *left])
+
+    def explain(self) -> dict[str, Any]:
+        """Explain the choice of the frontier: inputs, merit, the rules that fired, the others."""
+        if self._choice is None:
+            return {"heads_for": "start", "why": self.notes or "nothing reachable is unseen"}
+        choice = self._choice
+        return {
+            "heads_for": "frontier",
+            "x": choice.frontier.x,
+            "y": choice.frontier.y,
+            "merit": choice.merit,
+            "inputs": choice.inputs,
+            "rules": self._rules.explain(choice.inputs),
+            "others": [
+                {"x": f.x, "y": f.y, "gain": f.gain, "path": f.length, "merit": merit}
+                for f, merit in choice.others
+            ],
+            "given_up": [{"x": g.x, "y": g.y, "why": g.reason} for g in self._given_up],
+        }
+
+
+def _nearest(frontiers: Sequence[Frontier], point: Point) -> Frontier | None:
+    """Return the frontier nearest to ``point``; None if it is farther than _SAME."""
+    near = [(math.dist((f.x, f.y), point), f.x, f.y, f) for f in frontiers]
+    near = [one for one in near if one[0] <= _SAME]
+    return min(near, key=lambda one: one[:3])[3] if near else None
+
+
+def _or_straight(lengths: Array, ground: KnownGround, f: Frontier, home: Waypoint) -> float:
+    """Return the length [m] of the path from a frontier home; without one, half more than straight."""
+    length = ground.length_at(lengths, f.x, f.y)
+    return length if math.isfinite(length) else 1.5 * math.dist((f.x, f.y), (home.x, home.y))

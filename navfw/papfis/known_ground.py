@@ -1,0 +1,220 @@
+"""The ground that the robot knows: where its body fits, what paths cost, where it ends unseen."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Self
+
+import cv2
+import numpy as np
+
+from navfw.localmap.cell_arrays import distances
+from navfw.localmap.cost_kernels import cost_to_go, price_cells
+from navfw.numerics import Array, Mask
+from navfw.numerics.arrays import Indices
+from navfw.papfis.frontier_kernels import free_line, steepest_path, unseen_in_view
+from navfw.robot import RobotModel
+from navfw.signals import GrownGrid
+
+Point = tuple[float, float]
+
+MARGIN, CLEAR = 0.04, 0.25  # chosen
+"""Clearances beside the body [m]: the least of a passable cell, and from which it costs no more;
+those of the local planner, which drives the paths."""
+
+_BORDER = 1.0  # chosen
+"""Width [m] of the unseen ground that is added around what was observed."""
+_FAR = 10.0  # chosen
+"""Clearance [m] where nothing is occupied."""
+_GAPS = np.ones((3, 3), np.uint8)  # defined
+"""Structuring element that closes gaps of up to two cells between the rays of sparse flow."""
+_SPECK = 0.06  # chosen
+"""Area [m^2] of unseen ground amid free ground that counts as free: no more than a few rays wide."""
+_STANDING, _STANDING_PRICE = 0.35, 5.0  # chosen
+"""Distance [m] from the robot up to which observed ground is passable at this price, whatever is
+near: the body stands there and may drive off."""
+_PIECE = 1.2  # chosen
+"""Longest side [m] of a piece of the border between seen and unseen ground."""
+_VIEW, _RAYS = 2.5, 48  # chosen
+"""Distance [m] up to which unseen ground behind a frontier counts as gain, and rays that are cast:
+the camera sees the floor about as far."""
+_SWEEPS = 400  # chosen
+"""Largest number of sweeps of the search: a path through a maze turns often."""
+
+
+@dataclass(frozen=True, slots=True)
+class Frontier:
+    """A piece of the border between floor that the robot can reach, and unseen floor.
+
+    x, y [m, map] is its middle; ``gain`` [m^2] the unseen floor in view from there, ``length`` [m]
+    that of the path there, ``clearance`` [m] the least beside the body on it, and ``first`` (x, y)
+    [m] a point at the begin of that path.
+    """
+
+    x: float
+    y: float
+    gain: float
+    length: float
+    clearance: float
+    first: Point
+
+
+@dataclass(frozen=True, slots=True)
+class KnownGround:
+    """A grown grid, reduced to cells of twice the size; all arrays are (rows, columns).
+
+    ``price`` is that of crossing a cell, infinite where the body may not go. ``origin`` [m] is the
+    centre of cell [0, 0], ``clearance`` [m] that from the body's rim to what is occupied.
+    """
+
+    origin: Point
+    cell: float
+    price: Array
+    clearance: Array
+    unseen: Mask
+    occupied: Mask
+
+    @classmethod
+    def of(cls, grid: GrownGrid, robot: RobotModel, at: Point) -> Self:
+        """Make the ground of ``grid`` for a robot ``at`` (x, y) [m]."""
+        seen = np.flatnonzero((grid.log_odds != 0).any(axis=1))
+        across = np.flatnonzero((grid.log_odds != 0).any(axis=0))
+        border = round(_BORDER / grid.cell)
+        if seen.size:
+            rows, columns = (slice(int(k[0]), int(k[-1]) + 1) for k in (seen, across))
+        else:
+            rows = columns = slice(0, 1)
+        free, occupied = (
+            np.pad(mask[rows, columns], border) for mask in (grid.free, grid.occupied)
+        )
+        origin = (
+            grid.origin[0] + (columns.start - border) * grid.cell,
+            grid.origin[1] + (rows.start - border) * grid.cell,
+        )
+        known = _without_specks(free, occupied, _SPECK / grid.cell**2)
+        apart = distances(occupied, grid.cell, _FAR)
+        everywhere = np.ones(known.shape, np.uint8)
+        price = price_cells(apart, everywhere, robot.radius, CLEAR, MARGIN, 0.0)
+        known_half = known[::2, ::2]
+        price[~known_half] = math.inf
+        cell = 2.0 * grid.cell
+        y, x = np.ogrid[: price.shape[0], : price.shape[1]]
+        away = np.hypot(origin[0] + cell * x - at[0], origin[1] + cell * y - at[1])
+        price[(away <= _STANDING) & np.isinf(price) & known_half] = _STANDING_PRICE
+        price[away <= cell] = np.minimum(price[away <= cell], _STANDING_PRICE)
+        walls = cv2.dilate(occupied.view(np.uint8), _GAPS)[::2, ::2] > 0
+        rim = apart[::2, ::2] - robot.radius
+        return cls(origin, cell, price, rim, ~known_half & ~walls, walls)
+
+    def index(self, x: float, y: float) -> tuple[int, int]:
+        """Return (row, column) of the point (x, y) [m], within the grid."""
+        rows, columns = self.price.shape
+        row = math.floor((y - self.origin[1]) / self.cell + 0.5)
+        column = math.floor((x - self.origin[0]) / self.cell + 0.5)
+        return min(max(row, 0), rows - 1), min(max(column, 0), columns - 1)
+
+    def points(self, cells: Array | Indices) -> Array:
+        """Return the centres (n, 2) [m] of ``cells`` (n, 2: row, column)."""
+        centres: Array = np.asarray(cells[:, ::-1] * self.cell + self.origin, dtype=np.float64)
+        return centres
+
+    def costs_from(self, x: float, y: float) -> Array:
+        """Compute the cost [cells, priced] of the path to each cell from (x, y) [m]; inf without."""
+        value = np.full(self.price.shape, np.inf)
+        value[self.index(x, y)] = 0.0
+        cost_to_go(self.price, value, _SWEEPS)
+        return value
+
+    def path_to(self, costs: Array, x: float, y: float) -> Array:
+        """Return the path (n, 2) [m] to the point (x, y) [m] from where ``costs`` begin.
+
+        It ends at the reachable cell nearest to the point; empty if there is none within a cell.
+        """
+        row, column = self.index(x, y)
+        window = np.s_[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2]
+        around = costs[window]
+        if not np.isfinite(around).any():
+            return np.empty((0, 2))
+        i, j = np.unravel_index(int(around.argmin()), around.shape)
+        cells = np.empty((costs.size, 2), np.int64)
+        count = steepest_path(costs, int(i) + max(row - 1, 0), int(j) + max(column - 1, 0), cells)
+        return self.points(cells[count - 1 :: -1] if count > 1 else cells[:1])
+
+    @property
+    def known_area(self) -> float:
+        """Area [m^2] of the floor on which the body is known to have room."""
+        return int(np.isfinite(self.price).sum()) * self.cell**2
+
+    def lengths_from(self, x: float, y: float) -> Array:
+        """Compute the length [m] of the shortest path to each cell from (x, y) [m]; inf without."""
+        lengths = np.full(self.price.shape, np.inf)
+        lengths[self.index(x, y)] = 0.0
+        cost_to_go(np.where(np.isfinite(self.price), self.cell, np.inf), lengths, _SWEEPS)
+        return lengths
+
+    def length_at(self, lengths: Array, x: float, y: float) -> float:
+        """Return the least of ``lengths`` at the point (x, y) [m] and the cells beside it."""
+        row, column = self.index(x, y)
+        return float(lengths[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2].min())
+
+    def sees(self, start: Point, end: Point, dearest: float) -> bool:
+        """Return whether the body fits through the straight line of two points [m].
+
+        No cell on it may cost more than ``dearest``.
+        """
+        ends = (np.array([(y - self.origin[1]) / self.cell, (x - self.origin[0]) / self.cell])
+                for x, y in (start, end))
+        return bool(free_line(self.price, *ends, dearest))
+
+    def room_at(self, points: Array) -> Array:
+        """Return the clearances (n,) [m] beside the body at ``points`` (n, 2) [m]."""
+        cells = np.array([self.index(x, y) for x, y in points.tolist()])
+        return self.clearance[cells[:, 0], cells[:, 1]]
+
+    def frontiers(self, costs: Array) -> list[Frontier]:
+        """Find the pieces of the border of the ground that ``costs`` show to be reachable."""
+        reached = np.isfinite(costs)
+        beside = cv2.dilate(reached.view(np.uint8), cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3)))
+        border = self.unseen & (beside > 0) & (self.clearance >= MARGIN)
+        count, labels = cv2.connectedComponents(border.view(np.uint8), connectivity=8)
+        cells = np.argwhere(border)
+        side = round(_PIECE / self.cell)
+        keys = np.column_stack([labels[border], cells // side])
+        _, piece = np.unique(keys, axis=0, return_inverse=True)
+        middles = [_middle(cells[piece == k]) for k in range(int(piece.max(initial=-1)) + 1)]
+        if not middles:
+            return []
+        at = np.array(middles)
+        reach = _VIEW / self.cell
+        gains = unseen_in_view(self.unseen, self.occupied, at, reach, 1.0, _RAYS) * self.cell**2
+        points = self.points(at)
+        return [
+            self._frontier(costs, x, y, gain)
+            for (x, y), gain in zip(points.tolist(), gains.tolist(), strict=True)
+        ]
+
+    def _frontier(self, costs: Array, x: float, y: float, gain: float) -> Frontier:
+        path = self.path_to(costs, x, y)
+        ahead = path[min(len(path) - 1, round(0.5 / self.cell))]
+        length = float(np.hypot(*np.diff(path, axis=0).T).sum()) + math.dist(path[-1], (x, y))
+        clearance = float(self.room_at(path[min(len(path) - 1, 3) :]).min())
+        return Frontier(x, y, gain, length, clearance, (float(ahead[0]), float(ahead[1])))
+
+
+def _without_specks(free: Mask, occupied: Mask, largest: float) -> Mask:
+    """Return the ``free`` cells with the gaps between rays, and unseen specks amid them, filled."""
+    closed = cv2.morphologyEx(free.view(np.uint8), cv2.MORPH_CLOSE, _GAPS)
+    unseen = (closed == 0) & ~occupied
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(unseen.view(np.uint8), connectivity=4)
+    small = stats[:, cv2.CC_STAT_AREA] <= largest
+    small[0] = False
+    filled: Mask = ((closed > 0) | small[labels]) & ~occupied
+    return filled
+
+
+def _middle(cells: Indices) -> tuple[int, int]:
+    """Return the cell of ``cells`` (n, 2) that is nearest to their mean."""
+    mean = cells.sum(axis=0) / len(cells)
+    nearest = int(((cells - mean) ** 2).sum(axis=1).argmin())
+    return int(cells[nearest, 0]), int(cells[nearest, 1])
