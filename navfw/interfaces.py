@@ -22,6 +22,7 @@ from navfw.signals import (
     FlowField,
     Frame,
     FramePair,
+    GrownGrid,
     LandmarkDetection,
     Odometry,
     PassageQuery,
@@ -162,6 +163,9 @@ class Planner(Plugin):
     def observe(self, report: PassageReport) -> None:
         """Process the reported status of the ``queries``; called before ``update``."""
 
+    def observe_grid(self, grid: GrownGrid) -> None:
+        """Process what was observed so far (stacks with ``growing_map``), before ``update``."""
+
     @property
     def no_route_reason(self) -> str | None:
         """Reason why no route leads to the goal at present; None while there is a route."""
@@ -171,6 +175,10 @@ class Planner(Plugin):
     def notes(self) -> str:
         """What was found to differ from the map, for the result."""
         return ""
+
+    def explain_choice(self) -> Mapping[str, Any]:
+        """Explain where the planner heads for, as plain data; empty if a route says it."""
+        return {}
 
 
 class Behavior(Plugin):

@@ -7,11 +7,11 @@ stage fails (``PluginGuard.failing``). ``plugin`` is the stage itself.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from navfw.signals import (
     FlowField,
     Frame,
     FramePair,
+    GrownGrid,
     LandmarkDetection,
     Odometry,
     PassageQuery,
@@ -148,6 +149,10 @@ class GuardedPlanner(GuardedStage[interfaces.Planner]):
         """Hand over the status of passages."""
         self._attempt(self.plugin.observe, report, check=nothing)
 
+    def observe_grid(self, grid: GrownGrid) -> None:
+        """Hand over what was observed so far."""
+        self._attempt(self.plugin.observe_grid, grid, check=nothing)
+
     @property
     def path(self) -> tuple[Waypoint, ...]:
         """The waypoints still ahead."""
@@ -167,6 +172,10 @@ class GuardedPlanner(GuardedStage[interfaces.Planner]):
     def notes(self) -> str:
         """What was found to differ from the map."""
         return self._attempt(lambda: self.plugin.notes, check=answers.check_reason) or ""
+
+    def explain_choice(self) -> Mapping[str, Any]:
+        """Why the planner heads for where it does; empty if a route says it."""
+        return self._attempt(self.plugin.explain_choice, check=answers.check_explanation) or {}
 
 
 class GuardedController(GuardedStage[interfaces.Controller]):

@@ -173,6 +173,11 @@ def check_reason(answer: Any) -> str | None:
     return None if answer is None else answers.text(answer, "no_route_reason")
 
 
+def check_explanation(answer: Any) -> Mapping[str, Any]:
+    """A planner's explanation of where it heads for."""
+    return _explanation(answer, "explain_choice")
+
+
 def _count(value: Any, what: str) -> int:
     return int(answers.number(value, what, 0.0))
 

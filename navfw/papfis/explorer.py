@@ -13,10 +13,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
-import numpy as np
 from pydantic import Field
 
-from navfw.errors import InputError
 from navfw.interfaces import Planner
 from navfw.numerics import Array
 from navfw.papfis.frontier_choice import INPUTS, RULE_BASE, FrontierRules, inputs_of
@@ -74,7 +72,9 @@ class Explorer(Planner):
 
         limit: Annotated[
             float,
-            Field(gt=0.0, le=7200.0, description="time to be back at the start, from the first [s]"),
+            Field(
+                gt=0.0, le=7200.0, description="time to be back at the start, from the first [s]"
+            ),
         ] = 600.0
         return_home: Annotated[
             bool, Field(description="drive back to the start; false: stop where it ends")
@@ -321,7 +321,7 @@ class Explorer(Planner):
         late = ["no time was left for what is beyond the last frontiers"] * self._out_of_time
         return "; ".join([*late, *left])
 
-    def explain(self) -> dict[str, Any]:
+    def explain_choice(self) -> dict[str, Any]:
         """Explain the choice of the frontier: inputs, merit, the rules that fired, the others."""
         if self._choice is None:
             return {"heads_for": "start", "why": self.notes or "nothing reachable is unseen"}
@@ -349,6 +349,6 @@ def _nearest(frontiers: Sequence[Frontier], point: Point) -> Frontier | None:
 
 
 def _or_straight(lengths: Array, ground: KnownGround, f: Frontier, home: Waypoint) -> float:
-    """Return the length [m] of the path from a frontier home; without one, half more than straight."""
+    """Return the length [m] of the path from a frontier home; 1.5 times straight without one."""
     length = ground.length_at(lengths, f.x, f.y)
     return length if math.isfinite(length) else 1.5 * math.dist((f.x, f.y), (home.x, home.y))

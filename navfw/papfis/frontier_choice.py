@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from navfw.errors import RuleBaseError, first_names
+from navfw.errors import RuleBaseError
 from navfw.fuzzy import CompiledFis, load_rule_base
 from navfw.numerics import Array
 from navfw.numerics.products import product

@@ -30,7 +30,7 @@ _FAR = 10.0  # chosen
 _GAPS = np.ones((3, 3), np.uint8)  # defined
 """Structuring element that closes gaps of up to two cells between the rays of sparse flow."""
 _SPECK = 0.06  # chosen
-"""Area [m^2] of unseen ground amid free ground that counts as free: no more than a few rays wide."""
+"""Area [m^2] of unseen ground amid free ground that counts as free: a few rays wide."""
 _STANDING, _STANDING_PRICE = 0.35, 5.0  # chosen
 """Distance [m] from the robot up to which observed ground is passable at this price, whatever is
 near: the body stands there and may drive off."""
@@ -120,7 +120,7 @@ class KnownGround:
         return centres
 
     def costs_from(self, x: float, y: float) -> Array:
-        """Compute the cost [cells, priced] of the path to each cell from (x, y) [m]; inf without."""
+        """Compute the cost [cells, priced] of the path to each cell from (x, y) [m]."""
         value = np.full(self.price.shape, np.inf)
         value[self.index(x, y)] = 0.0
         cost_to_go(self.price, value, _SWEEPS)
@@ -163,21 +163,25 @@ class KnownGround:
 
         No cell on it may cost more than ``dearest``.
         """
-        ends = (np.array([(y - self.origin[1]) / self.cell, (x - self.origin[0]) / self.cell])
-                for x, y in (start, end))
-        return bool(free_line(self.price, *ends, dearest))
+        first = np.array(self.origin)
+        begin, last = (np.array(point) - first for point in (start, end))
+        ends = begin[::-1] / self.cell, last[::-1] / self.cell
+        return bool(free_line(self.price, ends[0], ends[1], dearest))
 
     def room_at(self, points: Array) -> Array:
         """Return the clearances (n,) [m] beside the body at ``points`` (n, 2) [m]."""
         cells = np.array([self.index(x, y) for x, y in points.tolist()])
-        return self.clearance[cells[:, 0], cells[:, 1]]
+        rooms: Array = self.clearance[cells[:, 0], cells[:, 1]]
+        return rooms
 
     def frontiers(self, costs: Array) -> list[Frontier]:
         """Find the pieces of the border of the ground that ``costs`` show to be reachable."""
         reached = np.isfinite(costs)
-        beside = cv2.dilate(reached.view(np.uint8), cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3)))
+        beside = cv2.dilate(
+            reached.view(np.uint8), cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
+        )
         border = self.unseen & (beside > 0) & (self.clearance >= MARGIN)
-        count, labels = cv2.connectedComponents(border.view(np.uint8), connectivity=8)
+        _, labels = cv2.connectedComponents(border.view(np.uint8), connectivity=8)
         cells = np.argwhere(border)
         side = round(_PIECE / self.cell)
         keys = np.column_stack([labels[border], cells // side])

@@ -37,7 +37,10 @@ BUILT_IN: dict[str, dict[str, str]] = {
         "floor_plan": "navfw.localization.floor_plan:FloorPlanLocalizer",
         "topological": "navfw.localization.topological:Topological",
     },
-    "planner": {"papfis": "navfw.papfis.papfis:Papfis"},
+    "planner": {
+        "explorer": "navfw.papfis.explorer:Explorer",
+        "papfis": "navfw.papfis.papfis:Papfis",
+    },
     "fusion": {
         "fuzzy": "navfw.mofis.fusion:FuzzyFusion",
     },

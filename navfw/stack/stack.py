@@ -37,23 +37,15 @@ from navfw.signals import (
     Twist,
     Waypoint,
 )
+from navfw.stack.map_growth import MapGrowth
 from navfw.stack.stack_state import ProgressWatch, StackState, why_slower
 from navfw.stack.stackfile import Choice, PluginSource, StackConfig, load_stack
 from navfw.stack.stopwatch import timed
 from navfw.stack.vision import View, Vision, ready_frame, straight_reading
 from navfw.topomap import TopoMap
 
-TIMED = (
-    "flow",
-    "movers",
-    "perception",
-    "features",
-    "localizer",
-    "planner",
-    "motion",
-    "control",
-    "safety",
-)
+TIMED: tuple[str, ...] = ("flow", "movers", "perception", "features", "localizer")
+TIMED += ("planner", "motion", "control", "safety")
 
 
 class Stack:
@@ -107,6 +99,7 @@ class Stack:
             self.guard,
             config.known,
         )
+        self.growth = MapGrowth(robot, settings.growing_map)
         self.safety = SafetyMonitor(robot, self.local_map, settings.safety)
         self.trim = WheelTrim(robot)
         self._forget()
@@ -168,6 +161,8 @@ class Stack:
             explanation["stixels"] = state.stixels.explain()
         if state.odometry is not None and state.odometry.doubt:
             explanation["odometry"] = state.odometry.doubt
+        if plan := self.planner.explain_choice():
+            explanation["plan"] = plan
         return explanation
 
     def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
@@ -190,6 +185,7 @@ class Stack:
         self.trim.reset()
         self._forget()
         self._start_pose = pose
+        self.growth.reset(pose)
         for stage in (
             self.vision,
             self.features,
@@ -320,7 +316,8 @@ class Stack:
             self.localizer.start(self.topo_map, self._start_pose, odometry)
             self._localized = True
         with timed(self.timings, "localizer"):
-            return self.localizer.update(odometry, percept, detections)
+            belief = self.localizer.update(odometry, percept, detections)
+            return self.growth.corrected(belief, odometry)
 
     def _plan(self, belief: Belief) -> Waypoint | None:
         """The waypoint to head for; None at the end, and as long as the robot is lost.
@@ -333,6 +330,7 @@ class Stack:
             if self._passage_report is not None:
                 self.planner.observe(self._passage_report)
                 self._passage_report = None
+            self.growth.hand_over(self.planner)
             return self.planner.update(belief)
 
     def _map(
@@ -356,6 +354,7 @@ class Stack:
             self.tracker.prune(odometry.time, odometry.pose, self.local_map.occupancy.occupied_at)
             occupied = self.tracker.occupied_discs(odometry.time)
             self.local_map.forget_track(occupied)
+        self.growth.update(odometry, self.local_map, occupied)
         if self.mofis.handles_moving_obstacles:
             self.local_map.set_obstacles(())
             return occupied

@@ -70,6 +70,10 @@ class StackSettings(StrictModel):
     stixels: Annotated[
         bool, Field(description="detect thin upright obstacles by image columns")
     ] = False
+    growing_map: Annotated[
+        bool,
+        Field(description="grow a map of what was observed, for planners that plan on it"),
+    ] = False
     floor_model: Annotated[
         bool,
         Field(
