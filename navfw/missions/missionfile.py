@@ -6,7 +6,7 @@ The schema is in ``navfw.missions.missionspec``.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -157,6 +157,9 @@ def mission_in(document: YamlDocument, path: Path, topo_map: TopoMap | None = No
     else:
         start = Pose(starts[0].x, starts[0].y, 0.0)
     goals = _goals(document, spec, topo_map)
+    if spec.explore is not None:  # of the map the robot gets nothing
+        topo_map = goals_map([(start.x, start.y)])
+        goals = (Waypoint.goal(start.x, start.y, spec.tolerance, "start"),)
     return MissionFile(path, document, spec, topo_map, start, goals, starts)
 
 
@@ -174,7 +177,27 @@ def mission_to(world: str | Path, goal: _Point, overrides: Sequence[Override] = 
         UnknownNameError: there is no such world.
 
     """
-    option = f"--goal {goal[0]:g},{goal[1]:g}"
+    to = f"{goal[0]:g},{goal[1]:g}"
+    task = {"goals": [{"x": goal[0], "y": goal[1]}], "timeout": 900.0}
+    return _from_start(world, task, f"--goal {to}", f"to-{to}", overrides)
+
+
+def exploration_of(world: str | Path, overrides: Sequence[Override] = ()) -> MissionFile:
+    """The exploration of ``world``, from the start of the same mission as ``mission_to``.
+
+    Raises as ``mission_to``.
+    """
+    return _from_start(world, {"explore": {}}, "--explore", "explore", overrides)
+
+
+def _from_start(
+    world: str | Path,
+    task: Mapping[str, Any],
+    option: str,
+    name: str,
+    overrides: Sequence[Override],
+) -> MissionFile:
+    """The mission ``name`` with the keys of ``task``, which ``option`` asks for."""
     for named in list_missions(world):
         document = load_yaml(named.path)
         start = document.data.get("start")
@@ -182,14 +205,26 @@ def mission_to(world: str | Path, goal: _Point, overrides: Sequence[Override] = 
             break
     else:
         raise ConfigError(f"{world} has no mission with a known start to go from", key=option)
-    data = {key: value for key, value in document.data.items() if key in _OF_WORLD}
-    data |= {"goals": [{"x": goal[0], "y": goal[1]}], "timeout": 900.0}
-    data["description"] = f"To ({goal[0]:g}, {goal[1]:g}) from the start of {named.name}."
-    origins = {path: at for path, at in document.origins.items() if path[:1] != ("goals",)}
-    origins["goals",] = Origin(option=option)
-    changed = with_section(YamlDocument(document.file, data, origins))
-    path = named.path.with_name(f"to-{goal[0]:g},{goal[1]:g}.yaml")
-    return mission_in(apply_overrides(changed, overrides), path)
+    changed = with_section(with_task(document, task, option))
+    changed.data["description"] = f"{option} from the start of {named.name}."
+    return mission_in(apply_overrides(changed, overrides), named.path.with_name(f"{name}.yaml"))
+
+
+def with_task(document: YamlDocument, task: Mapping[str, Any], option: str) -> YamlDocument:
+    """The mission of ``document`` with the keys of ``task`` instead of its own.
+
+    Map, stack, start, robot and sensors stay, but for the stack of an exploration. Errors in the
+    task name the ``option``.
+    """
+    kept = [key for key in _OF_WORLD if key != "stack" or "explore" not in task]
+    data = {key: value for key, value in document.data.items() if key in kept} | dict(task)
+    origins = {
+        path: at
+        for path, at in document.origins.items()
+        if path[:1] not in {(key,) for key in task}
+    }
+    origins |= {(key,): Origin(option=option) for key in task}
+    return YamlDocument(document.file, data, origins)
 
 
 def _starts(document: YamlDocument, spec: MissionSpec, topo_map: TopoMap) -> tuple[Place, ...]:

@@ -19,6 +19,9 @@ With ``start: unknown`` the seed draws a start from the places of the map, with
 Without ``map`` the stack gets start and goals alone. Goals are then points, and the map consists of
 the start, the goals, and straight passages of unknown width between them.
 
+With ``explore: {limit: 600, return: true}`` instead of goals the robot starts knowing nothing, and
+makes a map of all floor that it can reach. A ``map`` then only says where a place to start at is.
+
 An event has one trigger (``at`` or ``near``), one action, and optionally a duration. ``near`` is
 evaluated with the true position. The stack gets no information about events. Checks against map,
 world and stack: ``navfw.missions.mission_events``. The shipped event plugin is composed of other
@@ -191,6 +194,18 @@ class PointGoal(StrictModel):
     y: Annotated[Coordinate, Field(description="in the map frame [m]")]
 
 
+class ExploreSpec(StrictModel):
+    """An exploration: the robot observes what it can reach, and comes back."""
+
+    limit: Annotated[
+        float,
+        Field(gt=0.0, le=7200.0, description="time to be back at the start, or to stop [s]"),
+    ] = 600.0
+    return_home: Annotated[
+        bool, Field(alias="return", description="drive back to the start; false: stop anywhere")
+    ] = True
+
+
 class SuccessSpec(StrictModel):
     """The true distance from each goal that has to be reached; what a score is relative to."""
 
@@ -231,8 +246,8 @@ class MissionSpec(StrictModel):
     stack: Annotated[
         str | None,
         Field(
-            description="name or file of the stack; left out: `floor_plan` if the map has a floor"
-            " plan, else `default`; --stack takes precedence"
+            description="name or file of the stack; left out: `explore` to explore, `floor_plan` if"
+            " the map has a floor plan, else `default`; --stack takes precedence"
         ),
     ] = None
     start: Annotated[
@@ -245,7 +260,11 @@ class MissionSpec(StrictModel):
     goals: Annotated[
         tuple[str | PointGoal, ...],
         Field(min_length=1, max_length=1000, description="places, or {x: ..., y: ...}, in order"),
-    ]
+    ] = ()
+    explore: Annotated[
+        ExploreSpec | None,
+        Field(description="instead of goals: explore without any map, {limit: ..., return: ...}"),
+    ] = None
     rounds: Annotated[
         int, Field(ge=1, le=100, description="number of times that the goals are visited in turn")
     ] = 1
@@ -276,6 +295,21 @@ class MissionSpec(StrictModel):
         Field(max_length=1000, description="faults and changes of the world during the mission"),
     ] = ()
 
+    @model_validator(mode="after")
+    def _goals_or_explore(self) -> Self:
+        if bool(self.goals) == (self.explore is not None):
+            got = "got both" if self.goals else "got neither"
+            raise ValueError(f"expected either goals, or explore; {got}")
+        if self.explore is not None and (self.rounds > 1 or self.unknown_start):
+            what = "rounds" if self.rounds > 1 else "an unknown start"
+            raise ValueError(f"{what} and explore exclude each other: the map begins at the start")
+        return self
+
+    @property
+    def unknown_start(self) -> bool:
+        """Whether the seed draws the start."""
+        return isinstance(self.start, str | UnknownStart)
+
 
 def mission_spec(document: YamlDocument, folder: Path) -> MissionSpec:
     """The mission in ``document``, of a file in ``folder``, with its robot completed.
@@ -294,4 +328,22 @@ def mission_spec(document: YamlDocument, folder: Path) -> MissionSpec:
     sheet = SensorParams.preset(spec.sensors.base).sheet
     sheet = sheet.model_copy(update={name: getattr(own, name) for name in own.model_fields_set})
     robot = with_urdf(spec.robot, document, ("robot",)).model_copy(update={"odometry": sheet})
-    return spec.model_copy(update={"robot": robot})
+    return _completed(spec.model_copy(update={"robot": robot}))
+
+
+EXPLORED_WITHIN, EXPLORED_TOLERANCE = 0.3, 0.15
+"""The true and the estimated distance [m] from the start at which an exploration has returned."""
+_AFTER_LIMIT = 60.0
+"""Time [s] after an exploration's limit that ends the mission."""
+
+
+def _completed(spec: MissionSpec) -> MissionSpec:
+    """The mission with the defaults of an exploration, if it is one."""
+    if spec.explore is None:
+        return spec
+    changes: dict[str, Any] = {"timeout": spec.explore.limit + _AFTER_LIMIT}
+    changes["tolerance"] = EXPLORED_TOLERANCE
+    if "within" not in spec.success.model_fields_set:
+        changes["success"] = spec.success.model_copy(update={"within": EXPLORED_WITHIN})
+    given = spec.model_fields_set - {"success"}
+    return spec.model_copy(update={k: v for k, v in changes.items() if k not in given})

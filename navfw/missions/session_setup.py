@@ -10,6 +10,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,9 +18,14 @@ from typing import TypeAlias
 
 from navfw.config.lookup import find, find_mission
 from navfw.config.overrides import Override, Settings, override_texts, parse_override
-from navfw.errors import UnknownNameError, checked_seed
+from navfw.errors import ConfigError, UnknownNameError, checked_seed
 from navfw.missions.mission_events import resolve_events, with_doors_open
-from navfw.missions.missionfile import MissionFile, load_mission, mission_to
+from navfw.missions.missionfile import (
+    MissionFile,
+    exploration_of,
+    load_mission,
+    mission_to,
+)
 from navfw.missions.session import MissionResult, Session, SteppedSession
 from navfw.plugins import Registry, default_registry
 from navfw.robot.robotfile import robot_section
@@ -29,13 +35,16 @@ from navfw.sim.world_check import check_world
 from navfw.sim.worldfile import load_world
 from navfw.sim.worldspec import WorldSpec
 from navfw.stack import Stack
+from navfw.stack.stack_document import read_stack
 
-Mission: TypeAlias = str | Path | tuple[float, float]
+Mission: TypeAlias = str | Path | tuple[float, float] | None
 """A mission's name or file; or the point x, y [m] that a mission from the world's start leads to,
-the start of its first mission with a known one."""
+the start of its first mission with a known one; None: an exploration from there."""
 
 _DEFAULT_STACK, _FLOOR_PLAN_STACK = "default", "floor_plan"
 """The stack of a mission that names none, and the one if its map has a floor plan."""
+_EXPLORE_STACK, _EXPLORER = "explore", "explorer"
+"""The stack of an exploration that names none; its planner, which gets limit and return."""
 
 _MISSION_PARTS = ("robot", "sensors")
 """Keys of a mission file that overrides may begin with; others need ``mission.`` before them."""
@@ -122,7 +131,9 @@ def prepare(
     texts = override_texts(overrides)
     for_mission, _ = split_overrides(texts)
     world_file = find("world", world)
-    if isinstance(mission, tuple):
+    if mission is None:
+        loaded = exploration_of(world, for_mission)
+    elif isinstance(mission, tuple):
         loaded = mission_to(world, mission, for_mission)
     else:
         loaded = load_mission(find_mission(world, mission), for_mission)
@@ -154,6 +165,7 @@ def session_of(
     shortest = mission.check(with_all_ways)
     stack_file = chosen_stack(mission, stack)
     _, for_stack = split_overrides(overrides)
+    for_stack = [*_task_of(mission, stack_file), *for_stack]
     built = Stack.load(stack_file, spec.robot, mission.topo_map, registry, for_stack)
     return Session(
         world_name=world_name,
@@ -190,7 +202,8 @@ def with_drops(world: WorldSpec, mission: MissionFile) -> WorldSpec:
 def chosen_stack(mission: MissionFile, stack: str | Path | None = None) -> Path:
     """The file of ``stack``; without one, of the stack that the mission names.
 
-    If it names none, it is ``floor_plan`` where its map has a floor plan, else ``default``.
+    If it names none, it is ``explore`` for an exploration, ``floor_plan`` where its map has a floor
+    plan, else ``default``.
 
     Raises:
         UnknownNameError: there is no stack of that name; for the mission's, the message has its
@@ -200,8 +213,29 @@ def chosen_stack(mission: MissionFile, stack: str | Path | None = None) -> Path:
     if stack is not None:
         return find("stack", stack)
     unnamed = _DEFAULT_STACK if mission.topo_map.floor_plan is None else _FLOOR_PLAN_STACK
+    unnamed = _EXPLORE_STACK if mission.spec.explore else unnamed
     with mission.document.locating(("stack",), only=UnknownNameError):
         return find("stack", mission.spec.stack or unnamed)
+
+
+def _task_of(mission: MissionFile, stack_file: Path) -> list[str]:
+    """What the planner gets of an exploration, as overrides: its time, and whether to return.
+
+    Raises:
+        ConfigError: the stack does not grow a map, without which no planner can explore.
+
+    """
+    explore = mission.spec.explore
+    if explore is None:
+        return []
+    stack = read_stack(stack_file)
+    if not stack.data.get("growing_map"):
+        what = f"the stack {stack_file.stem!r} has no `growing_map: true`, without which nothing is"
+        raise ConfigError(f"{what} explored; take the stack explore, or base: explore")
+    if _EXPLORER not in (stack.data.get("planner") or {}):
+        return []  # a planner of the user's own has its own parameters
+    back = json.dumps(explore.return_home)
+    return [f"{_EXPLORER}.limit={explore.limit!r}", f"{_EXPLORER}.return_home={back}"]
 
 
 def split_overrides(overrides: Sequence[str]) -> tuple[list[Override], list[str]]:

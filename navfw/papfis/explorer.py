@@ -30,6 +30,8 @@ _SAME = 0.7  # chosen
 _HELD = 0.3  # chosen
 """Distance [m] up to which a new waypoint is dropped for the old one, which keeps MOFIS' watch on
 progress and the local planner's path."""
+_NEAREST = 0.4  # chosen
+"""Least distance [m] of the waypoint, but at the end of the path: the robot is not at it yet."""
 _REPLAN = 0.5  # chosen
 """Time [s] between two plans: the robot moves by a few cells."""
 _PRICE = 2.0  # chosen
@@ -276,30 +278,36 @@ class Explorer(Planner):
         """Set the waypoint: the farthest point of the path to ``end`` in a straight line."""
         path = ground.path_to(costs, end.x, end.y)
         self._no_route = None if len(path) else f"no known floor leads back to {end.label}"
-        corners, last = list[Waypoint](), at
+        corners, last, index = list[Waypoint](), at, 0
         points = [*map(tuple, path.tolist()), (end.x, end.y)]
-        index = 0
         while index < len(points) - 1:
             index = self._farthest(ground, points, index, last)
             last = points[index]
             corners.append(replace(end, x=last[0], y=last[1], kind="waypoint", final=False))
         self._way = [*corners[:-1], end]
-        ahead = self._way[0]
-        if self._waypoint is not None and not ahead.final:
-            moved = math.dist((ahead.x, ahead.y), (self._waypoint.x, self._waypoint.y))
-            if moved < _HELD and not self._waypoint.final:
-                return
-        self._waypoint = ahead
+        ahead, before = self._way[0], self._waypoint
+        held = before is not None and not (before.final or ahead.final)
+        if held and before is not None:
+            moved = math.dist((ahead.x, ahead.y), (before.x, before.y))
+            held = moved < _HELD and math.dist((before.x, before.y), at) > _NEAREST
+        self._waypoint = before if held else ahead
 
     def _farthest(self, ground: KnownGround, points: list[Point], begin: int, at: Point) -> int:
-        """Return the last of the ``points`` of a path that a straight line from ``at`` reaches."""
-        best = begin + 1
+        """Return the last of the ``points`` of a path that a straight line from ``at`` reaches.
+
+        The line costs no more than the path, or than _PRICE; the point is not at ``at`` itself.
+        """
+        last = len(points) - 1
+        best, dearest = 0, _PRICE
         for ahead in range(begin + 1, len(points)):
-            if math.dist(at, points[ahead]) > self.params.lookahead:
+            away = math.dist(at, points[ahead])
+            if best and away > self.params.lookahead:
                 break
-            if ground.sees(at, points[ahead], _PRICE):
+            price = ground.price_at(*points[ahead])
+            dearest = max(dearest, price if math.isfinite(price) else _PRICE)
+            if away >= _NEAREST and (not best or ground.sees(at, points[ahead], dearest)):
                 best = ahead
-        return best
+        return best or last
 
     # --- what others read ------------------------------------------------------------------------
 

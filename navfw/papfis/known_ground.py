@@ -168,6 +168,10 @@ class KnownGround:
         ends = begin[::-1] / self.cell, last[::-1] / self.cell
         return bool(free_line(self.price, ends[0], ends[1], dearest))
 
+    def price_at(self, x: float, y: float) -> float:
+        """Return the price of the cell at the point (x, y) [m]."""
+        return float(self.price[self.index(x, y)])
+
     def room_at(self, points: Array) -> Array:
         """Return the clearances (n,) [m] beside the body at ``points`` (n, 2) [m]."""
         cells = np.array([self.index(x, y) for x, y in points.tolist()])
