@@ -93,7 +93,7 @@ class MissionFile:
             point = (goal.x, goal.y)
             if (last, point) not in legs:  # repeated in every round
                 what = f"the goal {goal.place!r}{of_map}" if goal.place else "the goal"
-                key = ("goals", index % len(self.spec.goals))
+                key = ("goals", index % max(len(self.spec.goals), 1))
                 with self.document.locating(key, only=WorldError):
                     plan.check_free(*point, robot.radius, what)
                     legs[last, point] = plan.shortest_path(last, point, robot.radius)[0]

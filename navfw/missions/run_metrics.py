@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from navfw.errors import WorldError
+from navfw.missions.exploration_result import ExplorationResult
 from navfw.missions.mission_events import EventRecord
 from navfw.missions.outcome import Outcome
 from navfw.numerics import Array
@@ -26,7 +27,7 @@ from navfw.sim.world_changes import ChangeTrack, WalkerTrack
 
 Point = tuple[float, float]
 
-_SAMPLING = 0.1
+SAMPLING = 0.1
 """Sampling period [s] of the path; a shorter one would count vibration of the wheels as path."""
 
 _ROOM = 0.15
@@ -97,7 +98,8 @@ class RunResult(RunMetrics):
     ``oracle_plugins`` names the plugins that use the simulator's truth, declared or by their
     source. ``faults`` are what plugins did wrong, ``objections`` the plugins that failed in more
     than a tenth of their calls, but for those that the mission's events made fail. ``notes``
-    say what the planner found to differ from the map.
+    say what the planner found to differ from the map. ``exploration`` is what an exploration
+    observed, None for other missions.
     """
 
     outcome: Outcome
@@ -119,6 +121,7 @@ class RunResult(RunMetrics):
     objections: tuple[str, ...]
     notes: str
     events: tuple[EventRecord, ...]
+    exploration: ExplorationResult | None = None
 
     def summary(self) -> dict[str, Any]:
         """The content of ``navfw run --json``: one flat object, the outcome first."""
@@ -129,6 +132,7 @@ class RunResult(RunMetrics):
             "outcome": str(self.outcome),
             "contacts": [*map(asdict, self.contacts)],
             "events": [event.as_data() for event in self.events],
+            "exploration": None if self.exploration is None else self.exploration.as_data(),
         }
 
 
@@ -184,7 +188,7 @@ def measure(
     last goal counts as reached ``within`` that distance [m]. Clearances are to the static objects
     in ``plan``, and to those in ``moving`` at their times.
     """
-    sampled = log.every(_SAMPLING)
+    sampled = log.every(SAMPLING)
     true = log.true[sampled] if log.ticks else np.array([[*start, 0.0]])
     estimate = log.estimate[sampled] if log.ticks else true
     time = log.time[sampled] if log.ticks else np.zeros(1)

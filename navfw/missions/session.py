@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from navfw.errors import InputError
+from navfw.missions.exploration_result import ExplorationResult, measure_exploration
 from navfw.missions.mission_events import EventClock, EventRecord
 from navfw.missions.missionfile import MissionFile
 from navfw.missions.missionspec import EventSpec
@@ -22,7 +23,14 @@ from navfw.missions.oracle import plugins_of, reveal
 from navfw.missions.outcome import MissionVerdict, Outcome
 from navfw.missions.pilot import TickView, Watcher, watcher_of
 from navfw.missions.run_drawing import WindowOverlay, discs_of, outline_of
-from navfw.missions.run_metrics import RunResult, first_contacts, measure, shortest_with_room
+from navfw.missions.run_metrics import (
+    SAMPLING,
+    RunResult,
+    first_contacts,
+    measure,
+    path_length,
+    shortest_with_room,
+)
 from navfw.missions.runner import MissionLoop, Task
 from navfw.plugins.fault_injection import inject_faults
 from navfw.plugins.simulator_access import plugin_files, simulator_users
@@ -75,10 +83,17 @@ class Session:
             start_known=self.mission.start_known,
             goals=self.mission.goals,
             timeout=spec.timeout,
-            success_radius=spec.success.within,
+            success_radius=self.success_radius,
             stuck_after=spec.stuck_after,
             drops=frozenset(drop.name for drop in self.world.drops),
         )
+
+    @property
+    def success_radius(self) -> float:
+        """The true distance [m] from a goal that counts: any, for who need not come back."""
+        explore = self.mission.spec.explore
+        home = explore is None or explore.return_home
+        return self.mission.spec.success.within if home else math.inf
 
     def uninvited(self, faults: Sequence[str]) -> tuple[str, ...]:
         """The ``faults`` of plugins that the mission's events did not inject."""
@@ -260,13 +275,14 @@ class MissionResult(RunResult):
         permanent = tuple(s for s in session.plan.solids if s.name not in changes.names)
         start = mission.start.x, mission.start.y
         points = [start, *((goal.x, goal.y) for goal in mission.goals)]
+        exploration = _exploration(session, log, movers)
         metrics = measure(
             log,
             SceneGeometry(session.plan.bounds, permanent),
             start=start,
             goal=points[-1],
             within=mission.spec.success.within,
-            shortest=session.shortest,
+            shortest=session.shortest if exploration is None else exploration.tour_m,
             with_room=shortest_with_room(session.passable, points, mission.spec.robot.radius),
             discs=mission.spec.robot.discs,
             succeeded=verdict.outcome.succeeded,
@@ -297,6 +313,7 @@ class MissionResult(RunResult):
             ),
             notes=stack.state.notes,
             events=drive.events.log,
+            exploration=exploration,
             session=session,
             verdict=verdict,
             log=log,
@@ -313,3 +330,27 @@ class MissionResult(RunResult):
         if self.outcome is Outcome.CANCELLED:
             return INTERRUPTED
         return 0 if self.outcome.succeeded and not self.objections else 1
+
+
+def _exploration(
+    session: Session, log: RunLog, movers: WalkerTrack | None
+) -> ExplorationResult | None:
+    """What an exploration observed; None for another mission, or before the first tick."""
+    spec, growing = session.mission.spec, session.stack.growth.growing_map
+    if spec.explore is None or growing is None or not log.ticks:
+        return None
+    growing.finish()
+    if not growing.keys:
+        return None
+    chosen = session.stack.planner.explain_choice()
+    return measure_exploration(
+        (session.plan, session.passable),
+        spec.robot,
+        growing.grid,
+        log.true,
+        within=session.success_radius,
+        back=spec.explore.return_home,
+        driven=path_length(log.true[log.every(SAMPLING)]),
+        given_up=[(g["x"], g["y"], g["why"]) for g in chosen.get("given_up", ())],
+        movers=movers,
+    )

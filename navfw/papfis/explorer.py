@@ -47,7 +47,7 @@ _SPARE_TIME = 10.0  # chosen
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
+class ChosenFrontier:
     """The frontier chosen at ``time`` [s], with the inputs of the rules and its ``merit``.
 
     ``others`` are the other candidates, best first, as (frontier, merit).
@@ -126,7 +126,7 @@ class Explorer(Planner):
         self._report: PassageReport | None = None
         self._pose: Pose | None = None
         self._driven = 0.0
-        self._choice: Choice | None = None
+        self._choice: ChosenFrontier | None = None
         self._pursuit: Pursuit | None = None
         self._given_up: list[GivenUp] = []
         self._narrow: list[Point] = []
@@ -227,7 +227,7 @@ class Explorer(Planner):
 
     def _chosen(
         self, candidates: Sequence[Frontier], ground: KnownGround, time: float
-    ) -> Choice | None:
+    ) -> ChosenFrontier | None:
         """Choose among ``candidates`` for which there is time; None if there is none."""
         reserves = self._reserves(candidates, ground, time)
         fitting = [(f, r) for f, r in zip(candidates, reserves, strict=True) if r > 0.0]
@@ -256,7 +256,7 @@ class Explorer(Planner):
             self._pursuit = Pursuit(time, frontiers[best].length, ground.known_area)
         inputs = dict(zip(INPUTS, rows[:, best].tolist(), strict=True))
         others = tuple((frontiers[k], merits[k]) for k in order if k != best)
-        return Choice(time, frontiers[best], inputs, merits[best], others)
+        return ChosenFrontier(time, frontiers[best], inputs, merits[best], others)
 
     def _reserves(
         self, frontiers: Sequence[Frontier], ground: KnownGround, time: float
@@ -331,8 +331,9 @@ class Explorer(Planner):
 
     def explain_choice(self) -> dict[str, Any]:
         """Explain the choice of the frontier: inputs, merit, the rules that fired, the others."""
+        given_up = [{"x": g.x, "y": g.y, "why": g.reason} for g in self._given_up]
         if self._choice is None:
-            return {"heads_for": "start", "why": self.notes or "nothing reachable is unseen"}
+            return {"heads_for": "start", "rules": [], "given_up": given_up}
         choice = self._choice
         return {
             "heads_for": "frontier",
@@ -345,7 +346,7 @@ class Explorer(Planner):
                 {"x": f.x, "y": f.y, "gain": f.gain, "path": f.length, "merit": merit}
                 for f, merit in choice.others
             ],
-            "given_up": [{"x": g.x, "y": g.y, "why": g.reason} for g in self._given_up],
+            "given_up": given_up,
         }
 
 

@@ -1,0 +1,190 @@
+"""What an exploration observed of the floor that can be reached, and why the rest was left."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import cv2
+import numpy as np
+
+from navfw.missions.true_tour import TrueTour
+from navfw.numerics import Array, Mask
+from navfw.robot import RobotModel
+from navfw.signals import GrownGrid, Pose
+from navfw.sim.scene_geometry import ConfigurationSpaceGrid, SceneGeometry
+from navfw.sim.world_changes import WalkerTrack
+
+_POINT_RADIUS = 0.03
+"""Radius [m] of a robot for which a passage is open but for its width."""
+_LEFT_AREA = 0.25
+"""Least area [m^2] of an unobserved region that is listed."""
+_BESIDE = 1.0
+"""Distance [m] of a walker or a frontier that was given up from the region that it explains."""
+_STAYED = 0.2
+"""Share of the time that a walker is beside a region to be in the way."""
+_GAPS = np.ones((3, 3), np.uint8)
+"""Structuring element by which gaps between observed cells count as observed."""
+
+
+@dataclass(frozen=True, slots=True)
+class UnexploredRegion:
+    """Floor around x, y [m] that was not observed, ``area`` [m^2], and ``why``."""
+
+    x: float
+    y: float
+    area: float
+    why: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExplorationResult:
+    """What was observed of the ``reachable_m2`` of floor that the robot's body can reach.
+
+    ``observed_share`` is of that floor, ``tour_m`` the length of the nearest-frontier tour on the
+    true map (``TrueTour``), ``path_over_tour`` that of the path driven over it. ``returned``: the
+    robot truly stands at its start. ``unexplored`` are regions not observed, largest first.
+    """
+
+    observed_share: float
+    reachable_m2: float
+    returned: bool
+    tour_m: float
+    path_over_tour: float
+    unexplored: tuple[UnexploredRegion, ...] = field(default=())
+
+    def as_data(self) -> dict[str, Any]:
+        """Plain data for ``result.json``."""
+        return asdict(self)
+
+
+@dataclass(frozen=True, slots=True)
+class ReachableFloor:
+    """The floor of a true plan that a body can reach: masks (rows, columns) of cells of ``grid``.
+
+    ``floor`` is what the body covers from anywhere that it reaches; ``beyond`` is floor that only
+    a smaller body would reach, and ``shut`` what it would reach with all doors open.
+    """
+
+    grid: ConfigurationSpaceGrid
+    floor: Mask
+    beyond: Mask
+    shut: Mask
+
+    @classmethod
+    def of(
+        cls, plan: SceneGeometry, passable: SceneGeometry, robot: RobotModel, start: Pose
+    ) -> ReachableFloor:
+        """The floor of ``plan`` for ``robot`` from ``start``; ``passable`` has all doors open."""
+        radius = robot.radius
+        solid = plan.configuration_space(0.0)
+        floor = _covered(plan, radius, start) & ~solid.occupied
+        narrow = _covered(plan, _POINT_RADIUS, start) & ~solid.occupied
+        opened = _covered(passable, radius, start) & ~solid.occupied
+        return cls(solid, floor, narrow & ~floor, opened & ~floor & ~narrow)
+
+    def unseen(self, grid: GrownGrid) -> Mask:
+        """Which cells (rows, columns) of the floor ``grid`` does not show, gaps of a cell apart."""
+        known = cv2.morphologyEx((~grid.unseen).view(np.uint8), cv2.MORPH_CLOSE, _GAPS) > 0
+        rows, columns = np.indices(self.floor.shape).reshape(2, -1)
+        cells = grid.cells_at(self.grid.centres(rows, columns))
+        inside = np.all((cells >= 0) & (cells < known.shape), axis=1)
+        seen = np.zeros(len(cells), np.bool_)
+        seen[inside] = known[cells[inside, 0], cells[inside, 1]]
+        return ~seen.reshape(self.floor.shape)
+
+
+def measure_exploration(
+    plans: tuple[SceneGeometry, SceneGeometry],
+    robot: RobotModel,
+    grid: GrownGrid,
+    true: Array,
+    *,
+    within: float,
+    back: bool,
+    driven: float,
+    given_up: Sequence[tuple[float, float, str]] = (),
+    movers: WalkerTrack | None = None,
+) -> ExplorationResult:
+    """Compare ``grid`` (map) with the true plan as it is, and with all doors open (``plans``).
+
+    ``true`` (n, 3) are the true poses of the run, its ``driven`` length in metres; the robot has
+    returned if it is ``within`` [m] of the first one. ``given_up`` are the planner's frontiers
+    (x, y, reason).
+    """
+    plan, passable = plans
+    start = Pose(*(float(value) for value in true[0]))
+    ground = ReachableFloor.of(plan, passable, robot, start)
+    unseen = ground.unseen(grid)
+    count = int(np.count_nonzero(ground.floor))
+    observed = np.count_nonzero(ground.floor & ~unseen) / max(count, 1)
+    tour = TrueTour(ground.grid, robot, start).length(back=back)
+    regions = [
+        *_regions(ground.grid, ground.floor & unseen, _Explanation(given_up, movers)),
+        *_regions(ground.grid, ground.beyond & unseen, "the passage is too narrow"),
+        *_regions(ground.grid, ground.shut & unseen, "behind a closed door"),
+    ]
+    return ExplorationResult(
+        observed_share=float(observed),
+        reachable_m2=count * ground.grid.cell**2,
+        returned=math.dist(true[-1, :2], true[0, :2]) <= within,
+        tour_m=tour,
+        path_over_tour=driven / tour if tour > 0.0 else 0.0,
+        unexplored=tuple(sorted(regions, key=lambda region: -region.area)),
+    )
+
+
+def _covered(plan: SceneGeometry, radius: float, start: Pose) -> Mask:
+    """Which cells (rows, columns) a body of ``radius`` [m] covers from where it gets to."""
+    space = plan.configuration_space(radius)
+    _, labels = cv2.connectedComponents((~space.occupied).view(np.uint8), connectivity=4)
+    column, row = (
+        min(max(int((at - first) / space.cell), 0), size - 1)
+        for at, first, size in zip(
+            (start.x, start.y), space.origin, space.occupied.shape[::-1], strict=True
+        )
+    )
+    reached = (labels == labels[row, column]) & ~space.occupied
+    side = 2 * round(radius / space.cell) + 1
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
+    covered: Mask = cv2.dilate(reached.view(np.uint8), disc) > 0
+    return covered
+
+
+class _Explanation:
+    """Says why reachable floor was not observed."""
+
+    def __init__(
+        self, given_up: Sequence[tuple[float, float, str]], movers: WalkerTrack | None
+    ) -> None:
+        self._given_up, self._movers = given_up, movers
+
+    def __call__(self, points: Array) -> str:
+        """Why the floor at ``points`` (n, 2) [m] was not observed."""
+        if self._movers is not None:
+            x, y = points.mean(axis=0)
+            near = np.hypot(*(self._movers.points - (x, y)).transpose(2, 0, 1)) <= _BESIDE
+            if near.any(axis=1).mean() >= _STAYED:
+                return "a walker in the way"
+        for x, y, reason in self._given_up:
+            if np.hypot(*(points - (x, y)).T).min() <= _BESIDE:
+                return reason
+        return "not looked at"
+
+
+def _regions(
+    grid: ConfigurationSpaceGrid, mask: Mask, why: str | _Explanation
+) -> list[UnexploredRegion]:
+    """The connected regions of ``mask`` of at least _LEFT_AREA."""
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.view(np.uint8), connectivity=8)
+    found = []
+    for number in range(1, len(stats)):
+        area = float(stats[number, cv2.CC_STAT_AREA]) * grid.cell**2
+        if area >= _LEFT_AREA:
+            points = grid.centres(*np.nonzero(labels == number))
+            x, y = points[int(np.argmin(((points - points.mean(axis=0)) ** 2).sum(axis=1)))]
+            reason = why if isinstance(why, str) else why(points)
+            found.append(UnexploredRegion(*map(float, np.round((x, y, area), 2)), reason))
+    return found
