@@ -46,6 +46,24 @@ class RunOptions:
             help="A point [m] to drive to from the start of the first mission, instead of MISSION.",
         ),
     ] = None
+    explore: Annotated[
+        bool,
+        typer.Option(
+            "--explore",
+            help="Instead of MISSION: make a map of all that can be reached, from the start of the"
+            " first mission.",
+        ),
+    ] = False
+    out_map: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Of an exploration: map to write, as maps/NAME.yaml or a .yaml file.",
+        ),
+    ] = None
+    force: Annotated[
+        bool, typer.Option("--force", help="Let --out-map replace an earlier map.")
+    ] = False
     seed: Annotated[
         int, typer.Option(min=0, help="Seed of all noise; the same one gives the same commands.")
     ] = 0
@@ -122,8 +140,12 @@ def run(options: RunOptions) -> None:
     _run(options)
 
 
-def _target(request: RunOptions) -> str | tuple[float, float]:
-    """The mission, or the point of ``--goal``; one of them is given."""
+def _target(request: RunOptions) -> str | tuple[float, float] | None:
+    """The mission, the point of ``--goal``, or None to explore; one of them is given."""
+    if request.explore:
+        if request.mission or request.goal is not None:
+            raise InputError("give a mission or goal, or --explore, not both", key="--explore")
+        return None
     if request.mission and request.goal is not None:
         raise InputError("give a mission or a goal, not both", key="--goal")
     point = options.numbers_of("--goal", request.goal, ("X", "Y"))
@@ -131,7 +153,8 @@ def _target(request: RunOptions) -> str | tuple[float, float]:
         return point[0], point[1]
     if not request.mission:
         names = ", ".join(item.name for item in list_missions(request.world)) or "it has none"
-        raise InputError(f"give --goal, or one of the missions of {request.world}: {names}")
+        what = f"give --goal, or one of the missions of {request.world}: {names}"
+        raise InputError(f"{what}; or --explore, to make a map")
     return request.mission
 
 

@@ -186,5 +186,6 @@ def _regions(
             points = grid.centres(*np.nonzero(labels == number))
             x, y = points[int(np.argmin(((points - points.mean(axis=0)) ** 2).sum(axis=1)))]
             reason = why if isinstance(why, str) else why(points)
-            found.append(UnexploredRegion(*map(float, np.round((x, y, area), 2)), reason))
+            x, y, area = (round(float(value), 2) for value in (x, y, area))
+            found.append(UnexploredRegion(x, y, area, reason))
     return found

@@ -176,6 +176,9 @@ def draw_trajectory(result: MissionResult, path: Path) -> None:
     inches = max(3.0, height * scale) + _BELOW + above
     frame = (0.05, _BELOW / inches, 0.92, 1.0 - (_BELOW + above) / inches)
     figure, axes = plan_picture.plan_axes((wide, inches), frame, low, high)
+    growing = result.session.stack.growth.growing_map
+    if result.exploration is not None and growing is not None:
+        plan_picture.draw_grown_grid(axes, growing.grid, zorder=2.5)
     places = np.array([(place.x, place.y) for place in mission.topo_map.places.values()])
     marks = top_view.Marks(places.reshape(-1, 2), _PLACES)
     plan_picture.draw_shapes(axes, [*outline.shapes(), marks], zorder=2.0)
@@ -214,6 +217,11 @@ def _header(result: MissionResult, wide: float) -> list[tuple[str, float, str]]:
         f"smallest clearance {result.min_clearance_m:.2f} m",
         f"final estimate error {result.estimate_error_m:.2f} m",
     ]
+    if (explored := result.exploration) is not None:
+        share = (
+            f"{100.0 * explored.observed_share:.1f} % of {explored.reachable_m2:.0f} m2 observed"
+        )
+        numbers[1] = f"{share}, path {explored.path_over_tour:.2f} of a nearest-frontier tour"
     title = f"{result.world} / {result.mission}, seed {result.seed}: {result.outcome}"
     return [
         (title, 13.0, _GOOD_OUTCOME if result.outcome.succeeded else _BAD_OUTCOME),

@@ -17,8 +17,16 @@ import numpy as np
 from navfw.config.extras import extra_imports
 from navfw.numerics import Array
 from navfw.process.atomic import atomic_file
-from navfw.recording.palette import FLOOR, GOAL, START
+from navfw.recording.palette import (
+    FLOOR,
+    FREE,
+    GOAL,
+    OCCUPIED,
+    START,
+    rgb,
+)
 from navfw.recording.top_view import Area, Disc, Line, Marks, Point, Shape, Style, WorldOutline
+from navfw.signals import GrownGrid
 from navfw.topomap import TopoMap
 
 if TYPE_CHECKING:
@@ -41,6 +49,8 @@ _PATH_MARGIN = 3.0
 """Half the width of a drawn path, and the space beside it [pt]."""
 _MARK = 3.5
 """Half the width of a mark [pt]."""
+_OBSERVED_OPACITY = 110
+"""Opacity, of 255, of ground that was observed: the true plan below it shows."""
 _STEP = 3.0
 """Distance of the points by which the path is known [pixel]."""
 
@@ -69,6 +79,20 @@ def plan_axes(
     for spine in axes.spines.values():
         spine.set_visible(False)
     return figure, axes
+
+
+def draw_grown_grid(axes: Axes, grid: GrownGrid, zorder: float) -> None:
+    """Draw what was observed free and occupied, each in its colour, and nothing elsewhere."""
+    rows, columns = grid.log_odds.shape
+    picture = np.zeros((rows, columns, 4), np.uint8)
+    for mask, color in ((grid.free, FREE), (grid.occupied, OCCUPIED)):
+        picture[mask] = (*rgb(color), _OBSERVED_OPACITY)
+    (x, y), cell = grid.origin, grid.cell
+    low, high = (x - 0.5 * cell, y - 0.5 * cell), (x + columns * cell, y + rows * cell)
+    extent = low[0], high[0] - 0.5 * cell, low[1], high[1] - 0.5 * cell
+    limits = axes.axis()
+    axes.imshow(picture, origin="lower", extent=extent, zorder=zorder, interpolation="nearest")
+    axes.axis(limits)
 
 
 def draw_shapes(axes: Axes, shapes: Iterable[Shape], zorder: float) -> None:

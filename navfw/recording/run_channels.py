@@ -16,6 +16,7 @@ from foxglove.messages import Timestamp
 
 from navfw.config.input_file import read_json_object
 from navfw.guard import PluginGuard
+from navfw.guard.stage_answers import check_explanation
 from navfw.mofis.mofis import explain_command
 from navfw.numerics import Image
 from navfw.recording import channel_list as topics
@@ -223,4 +224,7 @@ def _rules(
         return {}
     fired = explain_command(command, state.proposals, stack.mofis, guard)
     sentence = "" if state.percept is None else state.percept.sentence
-    return {**fired, "perception": {"sentence": sentence}}
+    planner = stack.planner
+    plan = guard.attempt(planner.label, planner.plugin.explain_choice, check=check_explanation)
+    shown = {"plan": plan} if plan else {}
+    return {**fired, "perception": {"sentence": sentence}, **shown}

@@ -117,6 +117,7 @@ def run_report(folder: Path, chase: Chase | None = None) -> str:
         "numbers": _numbers(result),
         "notes": result.get("notes", []),
         "picture": None,
+        "explored": result.get("exploration"),
         "data": None,
         "cells": palette.camera_key(),
     }
@@ -124,7 +125,7 @@ def run_report(folder: Path, chase: Chase | None = None) -> str:
         on_map = is_file(folder / MAP)
         places = _places(load_map(folder / MAP, check_landmark_kind)) if on_map else []
         content |= _recorded(open_run(folder, chase), result, places)
-    elif is_file(folder / PICTURE):
+    if is_file(folder / PICTURE) and (content["explored"] or content["data"] is None):
         picture = np.asarray(read_image(folder / PICTURE), dtype=np.uint8)
         content["picture"] = reduced_source(picture, 1600, quality=85)
     return render_page("run_page.html", **content)

@@ -51,7 +51,8 @@ class Case:
 
     Either ``world`` and ``mission`` are files, or ``family``, ``difficulty`` (of a range, the seed
     draws it), ``contrast``, ``look`` and ``seed`` define a generated world. With ``pairs`` the seed
-    draws start and goal of the mission. ``stack`` is a file; empty: the stack named by the mission.
+    draws start and goal of the mission; with ``explore``, the keys of an exploration as JSON, the
+    robot explores instead. ``stack`` is a file; empty: the stack named by the mission.
     ``content`` is the fingerprint of all that the result depends on beside the seed. Of the runs to
     ``keep`` there is a picture in the folder ``pictures``, of those to ``record`` a recording in
     the folder beside it.
@@ -69,6 +70,7 @@ class Case:
     world: str = ""
     mission: str = ""
     pairs: bool = False
+    explore: str = ""
     variant: str = ""
     content: str = ""
     pictures: Path = Path()
@@ -80,7 +82,7 @@ class Case:
         """The key of the run in the table."""
         stack = Path(self.stack).stem
         if self.family:
-            where = f"{self.family}-{self.seed}", "cross"
+            where = f"{self.family}-{self.seed}", "explore" if self.explore else "cross"
         else:
             where = Path(self.world).parent.name, Path(self.mission).stem
         return RunKey(self.entry, *where, self.seed, stack, self.variant)
@@ -110,9 +112,11 @@ class Case:
         stack = self.stack or None
         if not self.family:
             overrides = (*self.overrides, *self._pair()) if self.pairs else self.overrides
+            if self.explore:
+                overrides = (f"mission.explore={self.explore}", *overrides)
             return session_setup.prepare(
                 self.world,
-                self.mission,
+                None if self.explore else self.mission,
                 seed=self.seed,
                 stack=stack,
                 overrides=overrides,
@@ -149,7 +153,7 @@ class Case:
         from navfw import worldgen
         from navfw.config.document import parse_yaml
         from navfw.config.overrides import apply_overrides
-        from navfw.missions.missionfile import mission_in
+        from navfw.missions.missionfile import mission_in, with_task
         from navfw.missions.session_setup import split_overrides
 
         difficulty = draw_difficulty(self.difficulty, self.seed)
@@ -158,5 +162,8 @@ class Case:
         made = worldgen.generate(self.family, self.seed, difficulty, self.contrast, self.look)
         text = json.dumps(made.mission.model_dump(mode="json", by_alias=True, exclude_unset=True))
         for_mission, _ = split_overrides(self.overrides)
-        document = apply_overrides(parse_yaml(text, self.key.world), for_mission)
+        document = parse_yaml(text, self.key.world)
+        if self.explore:
+            document = with_task(document, {"explore": json.loads(self.explore)}, "explore")
+        document = apply_overrides(document, for_mission)
         return made.world, mission_in(document, Path(self.key.mission), made.topo_map)

@@ -39,6 +39,9 @@ _DEATHS = {Cause.PROCESS_DIED, Cause.TOO_LONG, Cause.TOO_MUCH_MEMORY}
 _BARN_SPEED = 2.0
 """The BARN challenge's reference speed [m/s]: OT is the path's length divided by it."""
 
+_LEFT_SHOWN = 5
+"""Number of regions left unexplored in a row."""
+
 V = TypeVar("V")
 
 
@@ -133,6 +136,16 @@ def _cause(run: MissionResult) -> str:
         return str(Cause.UNKNOWN)
 
 
+def _explored(run: MissionResult, name: str) -> float | None:
+    return None if run.exploration is None else float(getattr(run.exploration, name))
+
+
+def _unexplored(run: MissionResult) -> str:
+    """The largest regions that an exploration left, as text."""
+    left = () if run.exploration is None else run.exploration.unexplored[:_LEFT_SHOWN]
+    return "; ".join(f"{r.area:.1f} m2 at ({r.x:.1f}, {r.y:.1f}): {r.why}" for r in left)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunRow:
     """One run. Lengths in metres, times in seconds; None where a run has no such number.
@@ -140,8 +153,8 @@ class RunRow:
     ``cause`` is the cause of a failure (``navfw.missions.outcome.Cause``), ``reason`` says what a
     person sees of it as well. ``collision_cause`` is the body that moved into the other: "robot" or
     "mover". ``picture`` is a file beside the table.
-    ``variant`` is empty in suites without variants, ``hazards`` where worlds list none; their
-    tables have no such column. Hazards are separated by commas.
+    ``variant`` is empty in suites without variants, ``hazards`` where worlds list none, what was
+    explored where nothing is; their tables have no such column. Hazards are separated by commas.
     ``plugin_faults`` is the number of objections (``MissionResult.objections``). ``attempts``
     is the number of processes that the run took: 2 if the first one died. ``cpu_time_s`` is the
     processor time of the whole run, with its world, checks and picture, ``memory_mb`` the largest
@@ -185,6 +198,9 @@ class RunRow:
     why_slower: str = _of(lambda run: slowest_reasons(run.why_slower), "")
     plugin_faults: int | None = _of(lambda run: len(run.objections), None)
     barn_score: float | None = _of(_barn_score, None)
+    observed_share: float | None = _of(lambda run: _explored(run, "observed_share"), None)
+    path_over_tour: float | None = _of(lambda run: _explored(run, "path_over_tour"), None)
+    unexplored: str = _of(_unexplored, "")
     command_hash: str = _of(lambda run: run.command_hash, "")
     picture: str = ""
     attempts: int | None = None
@@ -242,7 +258,7 @@ class RunRow:
 COLUMNS = tuple(one.name for one in fields(RunRow))
 _REQUIRED = {"entry", "world", "mission", "seed", "stack", "outcome"}
 """Columns that no row is without."""
-_OPTIONAL = ("variant", "hazards")
+OPTIONAL = ("variant", "hazards", "observed_share", "path_over_tour", "unexplored")
 _ADAPTER = TypeAdapter(RunRow)
 _VERSION = 2
 """Version of the table, kept as SQLite's ``user_version``."""
@@ -258,9 +274,9 @@ _AGAIN = "--restart drives the suite again"
 
 
 def columns_of(rows: Iterable[RunRow]) -> tuple[str, ...]:
-    """The columns of a table of ``rows``; those of ``_OPTIONAL`` are left out if all are empty."""
+    """The columns of a table of ``rows``; those of ``OPTIONAL`` are left out if all are empty."""
     rows = list(rows)
-    unused = {name for name in _OPTIONAL if not any(getattr(row, name) for row in rows)}
+    unused = {name for name in OPTIONAL if not any(getattr(row, name) for row in rows)}
     return tuple(name for name in COLUMNS if name not in unused)
 
 

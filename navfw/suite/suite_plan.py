@@ -283,8 +283,14 @@ def case_templates(suite: Suite, index: int, worlds: Path | None = None) -> list
 
     """
     entry = suite.spec.entries[index]
+    explore = "" if entry.explore is None else entry.explore.model_dump_json(by_alias=True)
     case = Case(
-        0, entry.title, difficulty=entry.difficulty, contrast=entry.contrast, pairs=entry.pairs
+        0,
+        entry.title,
+        difficulty=entry.difficulty,
+        contrast=entry.contrast,
+        pairs=entry.pairs,
+        explore=explore,
     )
     if entry.family is not None:
         return [replace(case, family=entry.family, look=entry.look)]
@@ -294,6 +300,11 @@ def case_templates(suite: Suite, index: int, worlds: Path | None = None) -> list
             files = [find("world", entry.world)]
         else:
             files = _world_files(worlds or suite.file.parent / (entry.worlds or ""))
+    if entry.explore is not None:
+        starts = [(file, file.parent / "missions" / "explore.yaml") for file in files]
+        return [
+            replace(case, world=str(w.absolute()), mission=str(m.absolute())) for w, m in starts
+        ]
     with suite.locating(index, "missions" if entry.missions else key):
         missions = [(file, mission) for file in files for mission in _missions(file, entry)]
     return [

@@ -14,6 +14,7 @@
         family: rooms
         events: [{at: 8, lasting: 6, camera: black}]
         expect: arrival
+      - {name: map it, family: rooms, explore: {limit: 600}}   # instead of a mission
       - worlds: ../imported           # a folder of worlds, each with its missions; see --worlds
     variants:                         # every run is made with each variant
       default: {}
@@ -39,7 +40,7 @@ from navfw.config.strict_model import StrictModel
 from navfw.config.yaml_text import KeyPath
 from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, InputError
-from navfw.missions.missionspec import EventSpec
+from navfw.missions.missionspec import EventSpec, ExploreSpec
 from navfw.sim.worldspec import MAX_CONTRAST, Look
 
 MAX_SEED = 2**32
@@ -77,6 +78,10 @@ class EntrySpec(StrictModel):
         bool,
         Field(description="from one place of the missions' map to another; the seed draws which"),
     ] = False
+    explore: Annotated[
+        ExploreSpec | None,
+        Field(description="explore each world, from the start of its first mission: {limit: 600}"),
+    ] = None
     worlds: Annotated[
         str | None, Field(description="a folder of worlds; relative to the suite file")
     ] = None
@@ -125,6 +130,8 @@ class EntrySpec(StrictModel):
             raise ValueError("look is for a family of generated worlds without contrast")
         if self.family is not None and self.missions is not None:
             raise ValueError("a generated world has one mission of its own: leave out missions")
+        if self.explore is not None and (self.missions is not None or self.pairs):
+            raise ValueError("explore takes the place of missions: leave out missions and pairs")
         if self.family is not None and self.pairs:
             raise ValueError("pairs are for worlds that have missions")
         return self

@@ -22,7 +22,7 @@ from suite_samples import row
 from navfw.errors import InputError
 from navfw.process.atomic import write_text
 from navfw.suite import run_row, suite_folder
-from navfw.suite.run_row import COLUMNS, RunJournal, table_cells
+from navfw.suite.run_row import COLUMNS, OPTIONAL, RunJournal, table_cells
 from navfw.suite.suite_folder import StartMode, SuiteFolder
 from navfw.suite.suite_plan import SuitePlan
 from navfw.suite.suite_run import SuiteResult
@@ -244,7 +244,7 @@ def test_the_table_is_standard_csv(tmp_path: Path) -> None:
     odd = row(7, min_clearance_m=math.inf, spl=math.nan, reason='a "b", c')
     write_text(file, table_cells([odd]))
     (cells,) = table_of(file)
-    assert tuple(cells) == tuple(name for name in COLUMNS if name not in ("variant", "hazards"))
+    assert tuple(cells) == tuple(name for name in COLUMNS if name not in OPTIONAL)
     assert (cells["seed"], cells["min_clearance_m"], cells["spl"]) == ("7", "inf", "")
     assert cells["reason"] == 'a "b", c'
     write_text(file, table_cells([row(1, variant="default"), row(1, variant="paper")]))
