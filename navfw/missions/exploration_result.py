@@ -179,7 +179,7 @@ def _regions(
 ) -> list[UnexploredRegion]:
     """The connected regions of ``mask`` of at least _LEFT_AREA."""
     _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.view(np.uint8), connectivity=8)
-    found = []
+    regions = []
     for number in range(1, len(stats)):
         area = float(stats[number, cv2.CC_STAT_AREA]) * grid.cell**2
         if area >= _LEFT_AREA:
@@ -187,5 +187,5 @@ def _regions(
             x, y = points[int(np.argmin(((points - points.mean(axis=0)) ** 2).sum(axis=1)))]
             reason = why if isinstance(why, str) else why(points)
             x, y, area = (round(float(value), 2) for value in (x, y, area))
-            found.append(UnexploredRegion(x, y, area, reason))
-    return found
+            regions.append(UnexploredRegion(x, y, area, reason))
+    return regions

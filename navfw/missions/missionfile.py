@@ -179,6 +179,7 @@ def mission_to(world: str | Path, goal: _Point, overrides: Sequence[Override] = 
     """
     to = f"{goal[0]:g},{goal[1]:g}"
     task = {"goals": [{"x": goal[0], "y": goal[1]}], "timeout": 900.0}
+    task["description"] = f"To ({goal[0]:g}, {goal[1]:g}) from the start of"
     return _from_start(world, task, f"--goal {to}", f"to-{to}", overrides)
 
 
@@ -187,7 +188,8 @@ def exploration_of(world: str | Path, overrides: Sequence[Override] = ()) -> Mis
 
     Raises as ``mission_to``.
     """
-    return _from_start(world, {"explore": {}}, "--explore", "explore", overrides)
+    task = {"explore": {}, "description": "Explore from the start of"}
+    return _from_start(world, task, "--explore", "explore", overrides)
 
 
 def _from_start(
@@ -197,7 +199,10 @@ def _from_start(
     name: str,
     overrides: Sequence[Override],
 ) -> MissionFile:
-    """The mission ``name`` with the keys of ``task``, which ``option`` asks for."""
+    """The mission ``name`` with the keys of ``task``, which ``option`` asks for.
+
+    To the description the name of the mission with the start is added.
+    """
     for named in list_missions(world):
         document = load_yaml(named.path)
         start = document.data.get("start")
@@ -206,7 +211,7 @@ def _from_start(
     else:
         raise ConfigError(f"{world} has no mission with a known start to go from", key=option)
     changed = with_section(with_task(document, task, option))
-    changed.data["description"] = f"{option} from the start of {named.name}."
+    changed.data["description"] += f" {named.name}."
     return mission_in(apply_overrides(changed, overrides), named.path.with_name(f"{name}.yaml"))
 
 

@@ -345,5 +345,5 @@ def _completed(spec: MissionSpec) -> MissionSpec:
     changes["tolerance"] = EXPLORED_TOLERANCE
     if "within" not in spec.success.model_fields_set:
         changes["success"] = spec.success.model_copy(update={"within": EXPLORED_WITHIN})
-    given = spec.model_fields_set - {"success"}
-    return spec.model_copy(update={k: v for k, v in changes.items() if k not in given})
+    own = spec.model_fields_set - {"success"}
+    return spec.model_copy(update={k: v for k, v in changes.items() if k not in own})

@@ -267,26 +267,22 @@ class MissionResult(RunResult):
         """
         verdict, log, stack, mission = drive.verdict, drive.log, session.stack, session.mission
         movers = simulation.walker_track() if session.world.movers else None
-        changes, spent = simulation.change_track(), simulation.timings
-        stages = {"render": spent.render, "physics": spent.physics, "sensors": spent.sensors}
-        if stack.features.plugin.landmark_frames:
-            stages["landmark_frames"] = spent.landmarks
-        frames = max(1.0, drive.sim_time * mission.spec.robot.camera.rate)
+        changes = simulation.change_track()
         permanent = tuple(s for s in session.plan.solids if s.name not in changes.names)
         start = mission.start.x, mission.start.y
         points = [start, *((goal.x, goal.y) for goal in mission.goals)]
-        exploration = _exploration(session, log, movers)
+        explored = _exploration(session, log, movers)
         metrics = measure(
             log,
             SceneGeometry(session.plan.bounds, permanent),
             start=start,
             goal=points[-1],
             within=mission.spec.success.within,
-            shortest=session.shortest if exploration is None else exploration.tour_m,
+            shortest=session.shortest if explored is None else explored.tour_m,
             with_room=shortest_with_room(session.passable, points, mission.spec.robot.radius),
             discs=mission.spec.robot.discs,
             succeeded=verdict.outcome.succeeded,
-            stage_ms={name: 1e3 * t / frames for name, t in {**stages, **stack.timings}.items()},
+            stage_ms=_stage_times(stack, simulation, drive.sim_time),
             moving=[track for track in (movers, changes) if track is not None],
         )
         oracles, failed = simulator_users(plugins_of(stack)), stack.guard.unreliable
@@ -313,7 +309,7 @@ class MissionResult(RunResult):
             ),
             notes=stack.state.notes,
             events=drive.events.log,
-            exploration=exploration,
+            exploration=explored,
             session=session,
             verdict=verdict,
             log=log,
@@ -330,6 +326,16 @@ class MissionResult(RunResult):
         if self.outcome is Outcome.CANCELLED:
             return INTERRUPTED
         return 0 if self.outcome.succeeded and not self.objections else 1
+
+
+def _stage_times(stack: Stack, simulation: Simulation, sim_time: float) -> dict[str, float]:
+    """The computing time [ms] per camera frame of the simulator's and the stack's stages."""
+    spent = simulation.timings
+    stages = {"render": spent.render, "physics": spent.physics, "sensors": spent.sensors}
+    if stack.features.plugin.landmark_frames:
+        stages["landmark_frames"] = spent.landmarks
+    frames = max(1.0, sim_time * stack.robot.camera.rate)
+    return {name: 1e3 * t / frames for name, t in {**stages, **stack.timings}.items()}
 
 
 def _exploration(

@@ -73,11 +73,11 @@ class TrueTour:
         far = np.cumsum(steps)
         last = min(int(np.searchsorted(far, _STEP)) + 1, len(path) - 1)
         (x0, y0), (x1, y1) = path[last - 1], path[last]
-        here = float(x1), float(y1)
-        free = self._free_at(*here)
+        at = float(x1), float(y1)
+        free = self._free_at(*at)
         if not free:  # the frontier itself may lie in something
-            here = float(x0), float(y0)
-        self._pose = Pose(*here, math.atan2(y1 - y0, x1 - x0))
+            at = float(x0), float(y0)
+        self._pose = Pose(*at, math.atan2(y1 - y0, x1 - x0))
         self._mark_body()
         self._look()
         return float(far[last - 1]) if free else float(far[last - 1] - steps[last - 1])

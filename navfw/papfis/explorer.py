@@ -30,7 +30,7 @@ _SAME = 0.7  # chosen
 _HELD = 0.3  # chosen
 """Distance [m] up to which a new waypoint is dropped for the old one, which keeps MOFIS' watch on
 progress and the local planner's path."""
-_NEAREST = 0.4  # chosen
+_MIN_AHEAD = 0.4  # chosen
 """Least distance [m] of the waypoint, but at the end of the path: the robot is not at it yet."""
 _REPLAN = 0.5  # chosen
 """Time [s] between two plans: the robot moves by a few cells."""
@@ -191,10 +191,10 @@ class Explorer(Planner):
         at, home = (pose.x, pose.y), self._home
         ground = KnownGround.of(grid, self.robot, at)
         costs = ground.costs_from(*at)
-        found = [f for f in ground.frontiers(costs) if f.gain >= self.params.min_gain]
+        frontiers = [f for f in ground.frontiers(costs) if f.gain >= self.params.min_gain]
         self._narrow = narrow_passages(ground, costs)
-        self._give_up(found, ground, time)
-        candidates = [f for f in found if not any(g.covers(f) for g in self._given_up)]
+        self._give_up(frontiers, ground, time)
+        candidates = [f for f in frontiers if not any(g.covers(f) for g in self._given_up)]
         self._choice = self._chosen(candidates, ground, time)
         if self._choice is not None:
             frontier = self._choice.frontier
@@ -204,12 +204,12 @@ class Explorer(Planner):
             end = home
         self._head_for(ground, costs, at, end)
 
-    def _give_up(self, found: Sequence[Frontier], ground: KnownGround, time: float) -> None:
+    def _give_up(self, seen: Sequence[Frontier], ground: KnownGround, time: float) -> None:
         """Give up the frontier that is pursued if it was tried for long enough."""
         if self._choice is None or self._pursuit is None:
             return
         before = self._choice.frontier
-        now = _nearest(found, (before.x, before.y))
+        now = _nearest(seen, (before.x, before.y))
         if now is None:
             return
         self._pursuit.update(time, now.length, ground.known_area)
@@ -289,7 +289,7 @@ class Explorer(Planner):
         held = before is not None and not (before.final or ahead.final)
         if held and before is not None:
             moved = math.dist((ahead.x, ahead.y), (before.x, before.y))
-            held = moved < _HELD and math.dist((before.x, before.y), at) > _NEAREST
+            held = moved < _HELD and math.dist((before.x, before.y), at) > _MIN_AHEAD
         self._waypoint = before if held else ahead
 
     def _farthest(self, ground: KnownGround, points: list[Point], begin: int, at: Point) -> int:
@@ -305,7 +305,7 @@ class Explorer(Planner):
                 break
             price = ground.price_at(*points[ahead])
             dearest = max(dearest, price if math.isfinite(price) else _PRICE)
-            if away >= _NEAREST and (not best or ground.sees(at, points[ahead], dearest)):
+            if away >= _MIN_AHEAD and (not best or ground.sees(at, points[ahead], dearest)):
                 best = ahead
         return best or last
 
