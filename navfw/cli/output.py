@@ -287,6 +287,21 @@ def show_result(summary: Mapping[str, Any], missing: Sequence[str], as_json: boo
     echo(f"navfw: saved: {saved}", err=True)
 
 
+_LEFT = 3
+"""Number of regions left unexplored that are printed."""
+
+
+def _explored_rows(explored: Mapping[str, Any] | None) -> dict[str, str]:
+    """What an exploration observed and left; nothing of another mission."""
+    if not explored:
+        return {}
+    share = f"{100.0 * explored['observed_share']:.1f} % of {explored['reachable_m2']:.0f} m2"
+    regions = explored["unexplored"]
+    left = [f"{r['area']:.1f} m2 at ({r['x']:g}, {r['y']:g}): {r['why']}" for r in regions[:_LEFT]]
+    more = [f"{len(regions) - _LEFT} more"] if len(regions) > _LEFT else []
+    return {"observed": share, **({"left": "; ".join((*left, *more))} if left else {})}
+
+
 def _print_result(summary: Mapping[str, Any]) -> None:
     from rich.text import Text
 
@@ -303,9 +318,11 @@ def _print_result(summary: Mapping[str, Any]) -> None:
     collisions = f"{count or 'no'} collision{'' if count == 1 else 's'}"
     nearest = summary["min_clearance_m"]
     clearance = "no obstacle near" if nearest is None else f"at least {nearest:.2f} m"
+    compared = "shortest" if not summary.get("exploration") else "nearest-frontier tour"
     rows = {
-        "path": f"{summary['path_length_m']:.2f} m, shortest {summary['shortest_path_m']:.2f} m"
+        "path": f"{summary['path_length_m']:.2f} m, {compared} {summary['shortest_path_m']:.2f} m"
         f" (SPL {summary['spl']:.2f})",
+        **_explored_rows(summary.get("exploration")),
         "clearance": f"{clearance}, {collisions}",
         "goal": f"{summary['distance_to_goal_m']:.2f} m away, error of the estimated position"
         f" {summary['estimate_error_m']:.2f} m",

@@ -17,8 +17,9 @@ from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.cli.recordings import VIDEO, write_video
 from navfw.cli.supervisor import PATIENCE, announce
 from navfw.cli.warm import compile_with_progress
-from navfw.config.lookup import list_missions
+from navfw.config.lookup import list_missions, project_folder
 from navfw.errors import InputError
+from navfw.process.atomic import output_file
 from navfw.process.interruption import check_interrupted, deferred, interruptible
 from navfw.process.last_trace import ended_after
 from navfw.recording.run_folder import RunFolder, plain_json
@@ -180,8 +181,9 @@ def _drive(request: RunOptions) -> tuple[MissionResult, Path | None, tuple[str, 
     from navfw.recording.video_output import check_video
     from navfw.robot.urdf_measures import robot_notes
     from navfw.sim.engine import check_display
+    from navfw.topomap.map_formats import save_map
 
-    mission = _target(request)
+    mission, map_file = _target(request), _map_file(request)
     if request.gui:
         check_display()
     if request.video is not None:
@@ -195,6 +197,10 @@ def _drive(request: RunOptions) -> tuple[MissionResult, Path | None, tuple[str, 
             overrides=(*options.of_robot(request.robot), *(request.set_ or ())),
         )
         check_interrupted()
+        if map_file is not None and session.mission.spec.explore is None:
+            raise InputError(
+                "is for explorations: give --explore, or such a mission", key="--out-map"
+            )
         for note in () if request.quiet else robot_notes(session.mission.spec.robot):
             echo(f"note: {note}", err=True)
         compile_with_progress(loaded=True, quiet=request.quiet)
@@ -219,6 +225,9 @@ def _drive(request: RunOptions) -> tuple[MissionResult, Path | None, tuple[str, 
                 )
             announce(driven=True)
             missing = write_run(result, target)
+            if map_file is not None:
+                save_map(result.explored_map(map_file.stem), map_file)
+                echo(f"map: {map_file}", err=True)
         if server is not None:
             if request.stay:
                 echo("live: the run has ended; Ctrl-C ends the server", err=True)
@@ -229,6 +238,26 @@ def _drive(request: RunOptions) -> tuple[MissionResult, Path | None, tuple[str, 
         missing = (str(error),)
     folder = target.path if target.final is None and target.kept else target.final
     return result, folder, (*missing, *_write_video(request, target.final))
+
+
+def _map_file(request: RunOptions) -> Path | None:
+    """The file of ``--out-map``: one in the project's ``maps`` for a bare name; None without it.
+
+    Raises:
+        InputError: there is a file already, or the name is none of a map file.
+
+    """
+    if request.out_map is None:
+        return None
+    file = Path(request.out_map)
+    if file.suffix not in {".yaml", ".yml"}:
+        if len(file.parts) != 1:
+            raise InputError(f"expected a name, or a .yaml file, got {file}", key="--out-map")
+        file = (project_folder() or Path()) / "maps" / f"{file}.yaml"
+    if file.exists() and not request.force:
+        raise InputError("exists; choose another --out-map, or give --force", file=file)
+    output_file(file, "--out-map")
+    return file
 
 
 def _show(bar: ProgressBar, goal: Waypoint, began: float, tick: TickView) -> None:

@@ -21,8 +21,9 @@ from navfw.process.atomic import writing
 from navfw.process.interruption import deferred, interruptible
 from navfw.recording import palette, plan_picture, top_view
 from navfw.recording.provenance import code_revision, library_versions, machine_kind
-from navfw.recording.run_folder import MAP, PICTURE, RECORDING, RESULT, RunFolder
+from navfw.recording.run_folder import EXPLORED, MAP, PICTURE, RECORDING, RESULT, RunFolder
 from navfw.recording.run_observers import RunLog, RunRecorder
+from navfw.topomap.map_formats import save_map
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -92,6 +93,8 @@ def write_run(result: MissionResult, target: RunFolder) -> tuple[str, ...]:
             inputs = result.session.stack.config, result.session.mission.topo_map
             writers[MAP] = lambda _: target.write_inputs(*inputs)
         writers[RECORDING] = result.recorder.save
+    if result.exploration is not None:
+        writers[EXPLORED] = lambda path: save_map(result.explored_map(EXPLORED), path)
     writers[PICTURE] = lambda path: draw_trajectory(result, path)
     with deferred():  # a recording without its inputs could not be replayed
         missing = [

@@ -16,6 +16,7 @@ from typing import Any, Self
 
 from navfw.errors import InputError
 from navfw.missions.exploration_result import ExplorationResult, measure_exploration
+from navfw.missions.explored_map import explored_map
 from navfw.missions.mission_events import EventClock, EventRecord
 from navfw.missions.missionfile import MissionFile
 from navfw.missions.missionspec import EventSpec
@@ -45,6 +46,7 @@ from navfw.sim.simulation import Simulation
 from navfw.sim.world_changes import ChangeTrack, Walker, WalkerTrack
 from navfw.sim.worldspec import WorldSpec
 from navfw.stack import Stack
+from navfw.topomap import TopoMap
 
 
 @dataclass(frozen=True)
@@ -316,6 +318,19 @@ class MissionResult(RunResult):
             movers=movers,
             changes=changes,
         )
+
+    def explored_map(self, name: str) -> TopoMap:
+        """The map ``name`` (of a file, or plain) of what an exploration observed.
+
+        Raises:
+            InputError: the mission was no exploration, or observed nothing.
+            MapError: no ground was free for the robot.
+
+        """
+        growing = self.session.stack.growth.growing_map
+        if growing is None or not growing.keys:
+            raise InputError("nothing was explored, so there is no map of it")
+        return explored_map(Path(name).stem, growing.grid)
 
     @property
     def exit_code(self) -> int:

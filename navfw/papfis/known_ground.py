@@ -92,7 +92,7 @@ class KnownGround:
             grid.origin[0] + (columns.start - border) * grid.cell,
             grid.origin[1] + (rows.start - border) * grid.cell,
         )
-        known = _without_specks(free, occupied, _SPECK / grid.cell**2)
+        known = without_specks(free, occupied, _SPECK / grid.cell**2)
         apart = distances(occupied, grid.cell, _FAR)
         everywhere = np.ones(known.shape, np.uint8)
         price = price_cells(apart, everywhere, robot.radius, CLEAR, MARGIN, 0.0)
@@ -210,7 +210,7 @@ class KnownGround:
         return Frontier(x, y, gain, length, clearance, (float(ahead[0]), float(ahead[1])))
 
 
-def _without_specks(free: Mask, occupied: Mask, largest: float) -> Mask:
+def without_specks(free: Mask, occupied: Mask, largest: float) -> Mask:
     """Return the ``free`` cells with the gaps between rays, and unseen specks amid them, filled."""
     closed = cv2.morphologyEx(free.view(np.uint8), cv2.MORPH_CLOSE, _GAPS)
     unseen = (closed == 0) & ~occupied

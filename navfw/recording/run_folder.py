@@ -35,8 +35,11 @@ LAYOUT = "foxglove_layout.json"
 MAP, PLAN = "map.yaml", "plan.yaml"
 """The files of a recording's map, and of its floor plan, if any; its image is beside it."""
 
+EXPLORED, PLANS = "explored.yaml", "plans"
+"""The map that an exploration made, and the folder of its floor plan."""
+
 FILES = frozenset(
-    {RESULT, PICTURE, RECORDING, REPORT, LAYOUT}
+    {RESULT, PICTURE, RECORDING, REPORT, LAYOUT, EXPLORED, PLANS}
     | {MAP, "stack.yaml", PLAN, "plan.png", f".{RESULT}"},
 )
 """The files of a run folder; a folder with any other file in it is never replaced."""
