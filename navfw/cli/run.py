@@ -177,7 +177,6 @@ def _drive(request: RunOptions) -> tuple[MissionResult, Path | None, tuple[str, 
     """
     from navfw.missions.pilot import watcher_of
     from navfw.missions.run_report import RecordedFolder, default_folder, write_run
-    from navfw.missions.session_setup import prepare
     from navfw.recording.video_output import check_video
     from navfw.robot.urdf_measures import robot_notes
     from navfw.sim.engine import check_display
@@ -189,18 +188,7 @@ def _drive(request: RunOptions) -> tuple[MissionResult, Path | None, tuple[str, 
     if request.video is not None:
         check_video(request.video, VIDEO)
     with interruptible():  # up to here there is nothing to save
-        session = prepare(
-            request.world,
-            mission,
-            seed=request.seed,
-            stack=request.stack,
-            overrides=(*options.of_robot(request.robot), *(request.set_ or ())),
-        )
-        check_interrupted()
-        if map_file is not None and session.mission.spec.explore is None:
-            raise InputError(
-                "is for explorations: give --explore, or such a mission", key="--out-map"
-            )
+        session = _prepared(request, mission)
         for note in () if request.quiet else robot_notes(session.mission.spec.robot):
             echo(f"note: {note}", err=True)
         compile_with_progress(loaded=True, quiet=request.quiet)
@@ -238,6 +226,24 @@ def _drive(request: RunOptions) -> tuple[MissionResult, Path | None, tuple[str, 
         missing = (str(error),)
     folder = target.path if target.final is None and target.kept else target.final
     return result, folder, (*missing, *_write_video(request, target.final))
+
+
+def _prepared(request: RunOptions, mission: str | tuple[float, float] | None) -> Session:
+    """The session of the run, loaded and checked."""
+    from navfw.missions.session_setup import prepare
+
+    session = prepare(
+        request.world,
+        mission,
+        seed=request.seed,
+        stack=request.stack,
+        overrides=(*options.of_robot(request.robot), *(request.set_ or ())),
+    )
+    check_interrupted()
+    if request.out_map is not None and session.mission.spec.explore is None:
+        what = "is for explorations: give --explore, or such a mission"
+        raise InputError(what, key="--out-map")
+    return session
 
 
 def _map_file(request: RunOptions) -> Path | None:
