@@ -138,13 +138,18 @@ class PlanMatch:
 class PlanField:
     """Matches seen points to the walls of ``plan``, by signed distances [cells], inside < 0.
 
-    A wall that was seen through, from poses that explain what was seen behind it, is removed.
+    A wall that was seen through, from poses that explain what was seen behind it, is removed. With
+    ``surfaces`` the occupied cells of the plan are surfaces, of which only one side was seen: the
+    distances are those from their centres, and never negative.
     """
 
-    def __init__(self, plan: OccupancyMap) -> None:
+    def __init__(self, plan: OccupancyMap, *, surfaces: bool = False) -> None:
         self._occupied = plan.occupied.copy()
         self._through = np.zeros(self._occupied.shape, np.int64)
-        self.cells = _signed_distances(self._occupied)
+        if surfaces:
+            self.cells = _distances(~self._occupied).astype(np.float32)
+        else:
+            self.cells = _signed_distances(self._occupied)
         self.resolution = plan.resolution
         self.origin = plan.origin
         c, s = np.cos(plan.origin.yaw), np.sin(plan.origin.yaw)

@@ -18,10 +18,14 @@ _BLOCK = 128  # chosen
 
 @dataclass(frozen=True, slots=True)
 class KeyPose:
-    """A submap, and ``pose``: where in ``map`` the robot was at its key pose."""
+    """A submap, and ``pose``: where in ``map`` the robot was at its key pose.
+
+    ``path`` [m] is what it had driven by then.
+    """
 
     submap: Submap
     pose: Pose
+    path: float = 0.0
 
     @property
     def correction(self) -> Pose:

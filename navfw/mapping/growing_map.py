@@ -2,24 +2,39 @@
 
 A key pose is taken every 1.2 m or 45 degrees, with a submap of what was observed since the last
 one. Submaps are merged in their order, so that what was seen later supersedes what was seen before.
+Where the robot comes back, the key poses are corrected, and the grid is made anew.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
 from navfw.config.strict_model import StrictModel
+from navfw.localization.plan_field import PlanScan, ScanMemory, scan_of
 from navfw.localmap import LocalMap
 from navfw.mapping.evidence_grid import EvidenceGrid, KeyPose
+from navfw.mapping.loop_closing import FAR, LoopClosing
+from navfw.mapping.pose_graph import KeyPoseGraph, Relation
 from navfw.mapping.submaps import SubmapCutter
 from navfw.numerics import Array
 from navfw.robot import RobotModel
-from navfw.signals import GrownGrid, OccupiedDisc, Odometry, Pose
+from navfw.signals import GrownGrid, OccupiedDisc, Odometry, Percept, Pose, wrap_angle
+
+_NEAR, _SCAN_EVERY = 2.4, 0.15  # chosen
+"""Path [m] whose points are matched together, and between two images whose points are taken."""
+
+_EXACT, _POINTS = 0.15, 400  # measured
+"""Largest standard deviation [m] of a point that is matched, and about how many are. In two tours
+95 % of the points below 0.1 m lay within 0.08 m of a true surface, below 0.2 m within 0.2 m."""
+
+_SETTLED = 0.02  # chosen
+"""Distance [m], or turn [rad] by 1 m, that no key pose may have moved for the grid to stay."""
 
 
 class GrowingMapParams(StrictModel):
@@ -28,6 +43,9 @@ class GrowingMapParams(StrictModel):
     key_distance: Annotated[
         float, Field(gt=0.0, le=10.0, description="distance driven between key poses [m]")
     ] = 1.2
+    close_loops: Annotated[
+        bool, Field(description="correct the poses where the robot sees earlier ground again")
+    ] = True
     key_turn: Annotated[
         float, Field(gt=0.0, le=10.0, description="turn between key poses [rad]")
     ] = 0.8
@@ -50,6 +68,11 @@ class GrowingMap:
         self._start = start or Pose(0.0, 0.0, 0.0)
         self._cutter.reset()
         self.keys: list[KeyPose] = []
+        self.loops = LoopClosing()
+        self._graph = KeyPoseGraph()
+        self._recent, self._scans = ScanMemory(_NEAR), ScanMemory(FAR)
+        self._scanned_at = -math.inf
+        self._path = 0.0
         self.correction = self._start
         self._grid: EvidenceGrid | None = None
         self._odometry: Odometry | None = None
@@ -60,11 +83,17 @@ class GrowingMap:
     # --- writing ---------------------------------------------------------------------------------
 
     def update(
-        self, odometry: Odometry, local_map: LocalMap, moving: Sequence[OccupiedDisc] = ()
+        self,
+        odometry: Odometry,
+        local_map: LocalMap,
+        moving: Sequence[OccupiedDisc] = (),
+        percept: Percept | None = None,
+        seen_from: Pose | None = None,
     ) -> bool:
         """Take in a camera frame, after ``local_map`` has; return whether a key pose was added.
 
-        What was observed under ``moving`` obstacles (odom) is left out.
+        What was observed under ``moving`` obstacles (odom) is left out. ``percept``, seen from odom
+        pose ``seen_from``, shows the surfaces by which the robot recognises earlier ground.
         """
         last, self._odometry = self._odometry, odometry
         self._local_map, self._moving = local_map, moving
@@ -73,7 +102,10 @@ class GrowingMap:
             self._grid = EvidenceGrid(local_map.occupancy.params.cell)
             return False
         step = last.pose.relative(odometry.pose)
+        self._path += math.hypot(step.x, step.y)
         self._driven += math.hypot(step.x, step.y)
+        if percept is not None and seen_from is not None:
+            self._remember(percept, seen_from)
         self._turned += abs(step.yaw)
         if self._driven < self.params.key_distance and self._turned < self.params.key_turn:
             return False
@@ -87,9 +119,44 @@ class GrowingMap:
         self._driven = self._turned = 0.0
         odom, time = self._odometry.pose, self._odometry.time
         submap = self._cutter.cut(self._local_map, odom, time, self._moving)
-        key = KeyPose(submap, self.correction.compose(odom))
+        key = KeyPose(submap, self.correction.compose(odom), self._path)
+        step = self.keys[-1].submap.key.relative(odom) if self.keys else None
         self.keys.append(key)
+        self._graph.add(key.pose, step)
         self._grid.merge(key)
+        if self.params.close_loops and len(self._scans) and len(self._recent):
+            self._recent.forget(self._path - _NEAR)
+            near, far = (scans.cloud(odom, _POINTS) for scans in (self._recent, self._scans))
+            self._close(self.loops.observe(self.keys, near, far, self._grid.cell))
+
+    def _remember(self, percept: Percept, seen_from: Pose) -> None:
+        """Keep the points of ``percept`` that are exact, if the last ones are far enough behind."""
+        if self._path - self._scanned_at < _SCAN_EVERY:
+            return
+        scan = scan_of(percept, self.robot)
+        exact = scan.sigma < _EXACT
+        if exact.any():
+            parts = (scan.points[exact], scan.sigma[exact], scan.origins[exact])
+            for scans in (self._recent, self._scans):
+                scans.add(self._path, seen_from, PlanScan(*parts))
+            self._scanned_at = self._path
+
+    def _close(self, relations: Sequence[Relation]) -> None:
+        """Fit the key poses to ``relations`` as well; make the grid anew if they have moved."""
+        if not relations:
+            return
+        for relation in relations:
+            self._graph.close(relation)
+        self._graph.optimize()
+        poses = self._graph.poses
+        moved = max(_moved(key.pose, pose) for key, pose in zip(self.keys, poses, strict=True))
+        if moved < _SETTLED:
+            return
+        self.keys = [replace(key, pose=pose) for key, pose in zip(self.keys, poses, strict=True)]
+        self.correction = self.keys[-1].correction
+        self._grid = EvidenceGrid(self._grid.cell if self._grid else 0.0)
+        for key in self.keys:
+            self._grid.merge(key)
 
     # --- reading ---------------------------------------------------------------------------------
 
@@ -121,3 +188,8 @@ class GrowingMap:
         """Spots (n, 2) [m, map] whose floor is missing."""
         spots = [key.correction.points_to_parent(key.submap.drops) for key in self.keys]
         return np.concatenate(spots) if spots else np.empty((0, 2))
+
+
+def _moved(a: Pose, b: Pose) -> float:
+    """Return the distance [m] between two poses, or their turn [rad] if that is larger."""
+    return max(math.hypot(a.x - b.x, a.y - b.y), abs(wrap_angle(a.yaw - b.yaw)))

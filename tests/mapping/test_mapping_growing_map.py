@@ -55,8 +55,8 @@ def test_the_map_lies_in_the_frame_of_the_start(start: Pose) -> None:
 def test_a_wall_that_has_gone_is_free_when_it_is_seen_again() -> None:
     path = list(poses_along(((0.0, 0.0), (1.4, 0.0), (0.0, 0.0))))
     growing = GrowingMap(ROBOT)
-    drive(growing, (*ROOM, (2.0, 2.1, -0.5, 0.5)), path)
-    cell = tuple(growing.grid.cells_at(np.array([[2.05, 0.0]]))[0])
+    drive(growing, (*ROOM, (2.0, 2.0, -0.5, 0.5)), path)
+    cell = tuple(growing.grid.cells_at(np.array([[2.0, 0.0]]))[0])
     assert growing.grid.occupied[cell]
     drive(growing, ROOM, path, begin=100.0)
     assert growing.grid.free[cell]

@@ -1,0 +1,133 @@
+"""Matching of what was seen around a key pose to the map that earlier submaps make.
+
+The map is a floor plan of surfaces, to which ``PlanField`` fits the points that were seen.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from navfw.localization.plan_field import PlanField, PlanScan
+from navfw.mapping.evidence_grid import EvidenceGrid, KeyPose
+from navfw.mapping.sharpening import RIDGE, sharpened
+from navfw.numerics import Array
+from navfw.signals import GrownGrid, Pose
+from navfw.topomap.occupancy_map import FREE, OCCUPIED, UNKNOWN, OccupancyMap
+
+_POINT_SIGMA = 0.03  # chosen
+"""Standard deviation [m] of a surface point in a submap."""
+
+_MAX_POINTS = 300  # chosen
+"""About the largest number of points of free ground that are compared."""
+
+_MIN_POINTS, _MIN_SHARE = 40, 0.3  # chosen
+"""Least number of points that the map must have seen before, and least share of all."""
+
+_MIN_OVERLAP = 0.5  # chosen
+"""Share of a submap's free ground that the map must know as free for them to be of one place: the
+other side of a wall is 0.1 m from this one."""
+
+_MIN_BELONGING, _MAX_CONTRADICTION = 0.5, 0.05  # chosen
+"""Least share of the points in observed ground that lie on surfaces of the map, and
+largest share of the free ground that is occupied in the map."""
+
+_BEFORE = 0.2  # chosen
+"""Distance [m] before a point at which the map must know free ground: it then shows the same side
+of what was seen there."""
+
+_REFERENCES = 30  # chosen
+"""Largest number of earlier submaps that make the map, the nearest ones."""
+
+
+@dataclass(frozen=True, slots=True)
+class SubmapMatch:
+    """A pose of a key pose in ``map`` at which its submap fits earlier ones.
+
+    ``information`` (3, 3) is that of the points. ``rating`` is their mean log likelihood.
+    """
+
+    pose: Pose
+    information: Array
+    rating: float
+
+
+def plan_of(grid: GrownGrid) -> OccupancyMap:
+    """Return the floor plan of a grid: which cells are free, occupied, unknown."""
+    cells = np.full(grid.log_odds.shape, UNKNOWN, np.int8)
+    cells[grid.free] = FREE
+    cells[grid.occupied] = OCCUPIED
+    x, y = (v - 0.5 * grid.cell for v in grid.origin)
+    return OccupancyMap(cells, grid.cell, Pose(x, y, 0.0))
+
+
+def free_ground(keys: Sequence[KeyPose], cell: float) -> Array:
+    """Return some of the free ground (n, 2) [m] of ``keys``, seen from the last one."""
+    last, points = keys[-1], []
+    for key in keys:
+        rows, columns = np.nonzero(key.submap.evidence < 0)
+        some = slice(None, None, max(1, len(keys) * len(rows) // _MAX_POINTS))
+        cells = np.stack([columns, rows], axis=1)[some]
+        centres = np.asarray(key.submap.corner + cells * cell, dtype=np.float64)
+        points.append(last.submap.key.points_to_local(centres))
+    return np.concatenate(points)
+
+
+class LocalPlan:
+    """The map around a place, made of earlier key poses, to which submaps are matched."""
+
+    def __init__(self, keys: Sequence[KeyPose], cell: float) -> None:
+        canvas = EvidenceGrid(cell)
+        for key in keys:
+            canvas.merge(key)
+        plan = plan_of(GrownGrid(sharpened(canvas.cells, RIDGE), canvas.origin, cell))
+        self._plan, self._field = plan, PlanField(plan, surfaces=True)
+
+    @classmethod
+    def around(
+        cls, pose: Pose, keys: Sequence[KeyPose], reach: float, cell: float
+    ) -> LocalPlan | None:
+        """Make the map of the ``keys`` within ``reach`` [m] of ``pose``; None if there are none."""
+        away = [math.hypot(key.pose.x - pose.x, key.pose.y - pose.y) for key in keys]
+        order = np.argsort(away, kind="stable")[:_REFERENCES]
+        near = sorted(i for i in order.tolist() if away[i] <= reach)
+        return cls([keys[i] for i in near], cell) if near else None
+
+    def match(
+        self, scan: PlanScan, floor: Array, start: Pose, information: Array
+    ) -> SubmapMatch | None:
+        """Fit ``scan`` from ``start`` with prior ``information``; None if it does not fit.
+
+        ``floor`` (n, 2) is free ground of the same submap.
+        """
+        pose = start
+        for _ in range(2):
+            seen = self._seen_before(scan, pose)
+            least = max(_MIN_POINTS, _MIN_SHARE * len(scan.points))
+            if len(seen.points) < least or len(floor) == 0:
+                return None
+            fit = self._field.match(seen, start, information)
+            pose = fit.pose
+        states = self._plan.state(pose.points_to_parent(floor))
+        overlap = float((states == FREE).mean()) >= _MIN_OVERLAP
+        agreed = float((states == OCCUPIED).mean()) <= _MAX_CONTRADICTION
+        if not overlap or not agreed or fit.belonging < _MIN_BELONGING:
+            return None
+        at = np.array([[pose.x, pose.y, pose.yaw]])
+        rating = float(self._field.rate(seen, at, _POINT_SIGMA)[0])
+        return SubmapMatch(pose, fit.information, rating)
+
+    def _seen_before(self, scan: PlanScan, pose: Pose) -> PlanScan:
+        """Return the points of ``scan`` at ``pose`` that the map shows from the same side."""
+        rays = scan.origins - scan.points
+        length = np.maximum(np.hypot(rays[:, 0], rays[:, 1]), _BEFORE)
+        before = scan.points + _BEFORE / length[:, None] * rays
+        known = self._plan.state(pose.points_to_parent(before)) == FREE
+        return PlanScan(scan.points[known], scan.sigma[known], scan.origins[known])
+
+    def rate(self, scan: PlanScan, poses: Array, sigma: float) -> Array:
+        """Rate ``poses`` (m, 3) [map] by the points' mean log likelihood."""
+        return self._field.rate(scan, poses, sigma)
