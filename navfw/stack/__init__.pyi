@@ -1,3 +1,4 @@
+from .mapping_stack import MappingStack as MappingStack
 from .shadow_stack import ShadowStack as ShadowStack
 from .shadow_stack import halt as halt
 from .stack import Stack as Stack

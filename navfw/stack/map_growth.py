@@ -10,7 +10,7 @@ from navfw.guard.guarded_stages import GuardedPlanner
 from navfw.localmap import LocalMap
 from navfw.mapping import GrowingMap
 from navfw.robot import RobotModel
-from navfw.signals import Belief, GrownGrid, OccupiedDisc, Odometry, Pose
+from navfw.signals import Belief, GrownGrid, OccupiedDisc, Odometry, Percept, Pose
 
 _INTERVAL = 0.5  # chosen
 """Time [s] between two grids for the planner."""
@@ -38,12 +38,20 @@ class MapGrowth:
         return replace(belief, pose=growing.correction.compose(odometry.pose))
 
     def update(
-        self, odometry: Odometry, local_map: LocalMap, moving: Sequence[OccupiedDisc]
+        self,
+        odometry: Odometry,
+        local_map: LocalMap,
+        moving: Sequence[OccupiedDisc],
+        percept: Percept | None,
+        seen_from: Pose,
     ) -> None:
-        """Take in a frame, after ``local_map`` has; leave out what ``moving`` obstacles cover."""
+        """Take in a frame, after ``local_map`` has; leave out what ``moving`` obstacles cover.
+
+        ``percept``, seen from odom pose ``seen_from``, is what the frame shows, if anything.
+        """
         if self.growing_map is None:
             return
-        self.growing_map.update(odometry, local_map, moving)
+        self.growing_map.update(odometry, local_map, moving, percept, seen_from)
         if odometry.time - self._made >= _INTERVAL - 1e-6:
             self._made = odometry.time
             self._grid = self.growing_map.grid

@@ -2,33 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
+from navfw.errors import ConfigError
 from navfw.mapping import GrowingMap
-from navfw.robot import RobotModel
-from navfw.signals import Frame, LandmarkDetection, Odometry, Pose, SensorReading, Twist, Waypoint
+from navfw.signals import Frame, Odometry, SensorReading, Twist
 from navfw.stack.stack import Stack
-from navfw.stack.stackfile import StackConfig
 from navfw.stack.vision import ready_frame, straight_reading
-from navfw.topomap import TopoMap
 
 
 class MappingStack(Stack):
     """Runs the perceiving half of a stack: odometry, vision, local map; and the growing map.
 
-    Nothing is planned or decided. ``growing`` is the map so far; ``sightings`` are the landmarks
-    detected so far, with the robot's pose in ``odom``.
+    Nothing is planned or decided. The stack file says ``growing_map: true``; ``growing`` is the map
+    so far.
     """
 
-    def __init__(self, config: StackConfig, robot: RobotModel, topo_map: TopoMap) -> None:
-        super().__init__(config, robot, topo_map)
-        self.growing = GrowingMap(self.robot)
-        self.sightings: list[tuple[Odometry, tuple[LandmarkDetection, ...]]] = []
+    @property
+    def growing(self) -> GrowingMap:
+        """The map so far.
 
-    def _start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
-        super()._start(pose, goals)
-        self.growing.reset(pose)
-        self.sightings.clear()
+        Raises:
+            ConfigError: the stack grows none.
+
+        """
+        if self.growth.growing_map is None:
+            raise ConfigError("expected growing_map: true in the stack")
+        return self.growth.growing_map
 
     def _step(self, reading: SensorReading) -> Twist:
         measured = self.odometer.update(reading.inertial, reading.encoders)
@@ -43,11 +41,9 @@ class MappingStack(Stack):
 
     def _observe(self, reading: SensorReading, frame: Frame, odometry: Odometry) -> None:
         seen_from = self._corrected(self.history.at(frame.time))
-        view, detections = self._perceive(reading, frame, seen_from)
+        view, _ = self._perceive(reading, frame, seen_from)
         for correction in view.yaw_corrections:
             (self.floor_odometry or self.odometer).correct(correction)
-        if detections:
-            self.sightings.append((seen_from, detections))
         if self.safety.senses.seeing:
             self.local_map.sight.observe_image(frame.image)
         pose = seen_from.pose
@@ -56,4 +52,4 @@ class MappingStack(Stack):
         self.tracker.prune(odometry.time, odometry.pose, self.local_map.occupancy.occupied_at)
         moving = self.tracker.occupied_discs(odometry.time)
         self.local_map.forget_track(moving)
-        self.growing.update(odometry, self.local_map, moving, view.percept, pose)
+        self.growth.update(odometry, self.local_map, moving, view.percept, pose)

@@ -354,7 +354,7 @@ class Stack:
             self.tracker.prune(odometry.time, odometry.pose, self.local_map.occupancy.occupied_at)
             occupied = self.tracker.occupied_discs(odometry.time)
             self.local_map.forget_track(occupied)
-        self.growth.update(odometry, self.local_map, occupied)
+        self.growth.update(odometry, self.local_map, occupied, view.percept, seen_from)
         if self.mofis.handles_moving_obstacles:
             self.local_map.set_obstacles(())
             return occupied
