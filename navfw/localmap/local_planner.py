@@ -163,6 +163,14 @@ _BESIDE = 0.35  # chosen
 """Distance [m] from the last plan's path within which a cell belongs to it."""
 _BEARINGS = np.linspace(-math.pi, math.pi, 49)[:-1]  # defined
 _AROUND = np.ones((3, 3), np.uint8)  # defined
+_STILL, _PATIENCE = 0.15, 40  # chosen
+"""Distance [m] that a body moves less, and number of plans, until the gap ahead is given up."""
+_GAP_AHEAD, _MOVER_NEAR = 1.0, 1.5  # chosen
+"""Distances [m] of the gap at most, and of moving obstacles for which the body waits."""
+_GIVEN_UP, _GAP_PRICE = 0.3, 8.0  # chosen
+"""Radius [m] around a gap that was given up, and extra price of the cells there."""
+_WIDER, _MOST_GAPS = 0.05, 8  # chosen
+"""Clearance [m] by which a gap that was given up has become wider, and the number of them kept."""
 
 
 class LocalPlannerParams(StrictModel):
@@ -213,7 +221,8 @@ class LocalPlanner:
     """Finds the local goal: the next point on the cheapest path to a waypoint in the odom frame.
 
     The planner keeps to the path of its last plan: cells off it cost more, so it changes only if
-    that path is barred, or another one is cheaper by a margin.
+    that path is barred, or another one is cheaper by a margin. A gap before which the robot has
+    stood for 4 s is given up: it costs more until it is seen to be wider.
     """
 
     def __init__(self, params: LocalPlannerParams | None = None) -> None:
@@ -224,6 +233,8 @@ class LocalPlanner:
     def reset(self) -> None:
         """Drop the path."""
         self._way: Array = np.empty((0, 2))
+        self._stood = Pose(0.0, 0.0, 0.0), 0
+        self._gaps: list[tuple[float, float, float]] = []
         self._manoeuvres.reset()
 
     def plan(
@@ -242,6 +253,14 @@ class LocalPlanner:
         cost = self._prices(occupancy, moving_obstacles)
         if len(self._way):
             cost[~self._beside_way(occupancy, cost.shape)] += LEAVE_PRICE
+        self._watch_gaps(occupancy, pose, moving_obstacles)
+        for at_x, at_y, _ in self._gaps:
+            at = (
+                round((at_x - occupancy.origin[0]) / cell),
+                round((at_y - occupancy.origin[1]) / cell),
+            )
+            near = cv2.circle(np.zeros(cost.shape, np.uint8), at, round(_GIVEN_UP / cell), 1, -1)
+            cost[near > 0] += _GAP_PRICE
         value = _sources(cost.shape[0], occupancy.origin, cell, x, y)
         # an obstacle on the waypoint itself must not hide it: its direction still counts
         cost_to_go(cost, value, 24)
@@ -272,6 +291,33 @@ class LocalPlanner:
             to_go = float(value[round(end[0]), round(end[1])]) * cell + math.hypot(*ahead)
         detour = max(1.0, to_go / max(straight, cell))
         return LocalGoal(ahead[0], ahead[1], to_go, True, detour, gear)
+
+    def _watch_gaps(
+        self, occupancy: OccupancyGrid, pose: Pose, moving_obstacles: tuple[OccupiedDisc, ...]
+    ) -> None:
+        """Give up the narrowest point ahead if the body has stood too long; forget wider ones.
+
+        It may stand for ``moving_obstacles``, and where nothing is narrow.
+        """
+
+        def room(x: float, y: float) -> float:
+            inside = occupancy.contains(x, y)
+            return float(occupancy.clearance[occupancy.index(x, y)]) if inside else math.inf
+
+        self._gaps = [gap for gap in self._gaps if room(*gap[:2]) <= gap[2] + _WIDER]
+        at, count = self._stood
+        waits = any(math.hypot(m.x - pose.x, m.y - pose.y) < _MOVER_NEAR for m in moving_obstacles)
+        if waits or math.hypot(pose.x - at.x, pose.y - at.y) > _STILL:
+            self._stood = pose, 0
+            return
+        self._stood = at, (count + 1) % _PATIENCE
+        if count + 1 < _PATIENCE:
+            return
+        ahead = [p for p in self._way.tolist() if math.dist(p, (pose.x, pose.y)) <= _GAP_AHEAD]
+        rooms = [room(*point) for point in ahead]
+        if ahead and min(rooms) < occupancy.robot.radius + self.params.clear:
+            narrowest = rooms.index(min(rooms))
+            self._gaps = [*self._gaps, (*ahead[narrowest], rooms[narrowest])][-_MOST_GAPS:]
 
     def _path(
         self,

@@ -88,6 +88,22 @@ def test_the_local_goal_is_as_far_as_the_parameter_says_or_a_target_nearby() -> 
     assert planner.plan(grid_with(), ORIGIN, 3.0, 0.0).distance == pytest.approx(1.5, abs=0.06)
 
 
+def test_a_gap_is_given_up_until_it_is_wider_but_not_while_somebody_is_near() -> None:
+    def ahead(half: float, plans: int, *people: OccupiedDisc) -> float:
+        # the way ahead is a gap; another one leads round the wall on the left
+        grid = grid_with((0.7, 0.9, -5.0, -half), (0.7, 0.9, half, 0.9))
+        goals = [planner.plan(grid, ORIGIN, 2.0, 0.0, people) for _ in range(plans)]
+        assert all(goal.reachable for goal in goals)
+        return abs(goals[-1].bearing)
+
+    planner = LocalPlanner()
+    assert ahead(0.28, 39, OccupiedDisc(-1.0, 0.0, 0.2)) < 0.2
+    assert ahead(0.28, 39) < 0.2
+    assert ahead(0.28, 3) > 0.5, "after 4 s the robot goes round"
+    assert ahead(0.5, 1) < 0.4, "it is wider"
+    assert ahead(0.28, 1) < 0.4, "and forgotten"
+
+
 def test_a_target_within_an_obstacle_is_still_headed_for() -> None:
     goal = LocalPlanner().plan(grid_with((1.8, 2.2, 0.3, 0.7)), ORIGIN, 2.0, 0.5)
     assert goal.bearing == pytest.approx(math.atan2(0.5, 2.0), abs=0.1)

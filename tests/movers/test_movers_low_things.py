@@ -9,6 +9,7 @@ import pytest
 from cli_calls import answer
 from flow_scene import Board, board_image
 from localization_drives import odometry
+from localmap_samples import grid_with
 
 from navfw.localmap import OccupancyGrid
 from navfw.movers.low_things import LowThings
@@ -131,6 +132,17 @@ def test_one_image_is_not_enough_and_floor_seen_again_frees() -> None:
     for _ in range(3):
         grid.integrate_low(np.array([[0.6, 0.1, -0.6]]), here)
     assert not grid.occupied.any()
+
+
+def test_the_foot_of_a_pole_does_not_make_it_wider() -> None:
+    grid = grid_with((1.0, 1.1, -0.05, 0.05))
+    pole = grid.occupied.copy()
+    for left in (0.1, -0.1, 0.1, -0.1):
+        grid.integrate_low(np.array([[1.05, left, 1.2]]), Pose(0.0, 0.0, 0.0))
+    assert (grid.occupied == pole).all()
+    for _ in range(2):
+        grid.integrate_low(np.array([[1.05, 0.2, 1.2]]), Pose(0.0, 0.0, 0.0))
+    assert grid.occupied[grid.index(1.05, 0.2)], "a foot that is wider than the pole"
 
 
 @pytest.mark.thorough
