@@ -11,6 +11,7 @@ import typer
 from navfw.cli.options import Json, Map, Mission, NoiseSeed, Stack, World, command_group
 from navfw.cli.output import echo, print_json, print_result, print_table, print_tables, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
+from navfw.cli.teach import teach
 from navfw.config.lookup import find, list_files
 from navfw.process.atomic import output_file, write_text
 from navfw.recording.run_folder import plain_json
@@ -28,8 +29,9 @@ _OverWorld = Annotated[
 
 def add_to(app: typer.Typer) -> None:
     """Add ``map`` with its commands."""
-    group = command_group("Show, check, build, convert and learn maps, and plan on them.")
-    for command in (show, check, build, plan, learn_landmarks, learn_situations, convert, export):
+    group = command_group("Show, check, build, teach, convert and learn maps, and plan on them.")
+    commands = (show, check, build, teach, plan, learn_landmarks, learn_situations)
+    for command in (*commands, convert, export):
         group.command()(command)
     app.add_typer(group, name="map")
 

@@ -21,8 +21,16 @@ from typing import Annotated, Any, Literal, TypeVar, get_type_hints
 import typer
 from typer.core import TyperGroup
 
-from navfw.config.lookup import find, list_files, list_missions, plugin_files, plugin_folders
+from navfw.config.lookup import (
+    find,
+    list_files,
+    list_missions,
+    plugin_files,
+    plugin_folders,
+    project_folder,
+)
 from navfw.errors import InputError, locating
+from navfw.process.atomic import output_file
 
 OptionsT = TypeVar("OptionsT")
 Names = Callable[[typer.Context], Iterable[str]]
@@ -284,3 +292,21 @@ def _commands(group: Any, path: str = "") -> Iterator[tuple[str, str]]:
             yield from _commands(command, f"{path}{name} ")
         else:
             yield f"{path}{name}", command.help or ""
+
+
+def map_file(name: str, option: str, force: bool) -> Path:
+    """The map file to write of that name or path: a bare name is in the project's ``maps``.
+
+    Raises:
+        InputError: there is a file already and no ``force``, or the name is none of a map file.
+
+    """
+    file = Path(name)
+    if file.suffix not in {".yaml", ".yml"}:
+        if len(file.parts) != 1:
+            raise InputError(f"expected a name, or a .yaml file, got {file}", key=option)
+        file = (project_folder() or Path()) / "maps" / f"{file}.yaml"
+    if file.exists() and not force:
+        raise InputError(f"exists; choose another {option}, or give --force", file=file)
+    output_file(file, option)
+    return file

@@ -17,9 +17,8 @@ from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.cli.recordings import VIDEO, write_video
 from navfw.cli.supervisor import PATIENCE, announce
 from navfw.cli.warm import compile_with_progress
-from navfw.config.lookup import list_missions, project_folder
+from navfw.config.lookup import list_missions
 from navfw.errors import InputError
-from navfw.process.atomic import output_file
 from navfw.process.interruption import check_interrupted, deferred, interruptible
 from navfw.process.last_trace import ended_after
 from navfw.recording.run_folder import RunFolder, plain_json
@@ -182,7 +181,9 @@ def _drive(request: RunOptions) -> tuple[MissionResult, Path | None, tuple[str, 
     from navfw.sim.engine import check_display
     from navfw.topomap.map_formats import save_map
 
-    mission, map_file = _target(request), _map_file(request)
+    mission, out_map = _target(request), None
+    if request.out_map is not None:
+        out_map = options.map_file(request.out_map, "--out-map", request.force)
     if request.gui:
         check_display()
     if request.video is not None:
@@ -213,9 +214,9 @@ def _drive(request: RunOptions) -> tuple[MissionResult, Path | None, tuple[str, 
                 )
             announce(driven=True)
             missing = write_run(result, target)
-            if map_file is not None:
-                save_map(result.explored_map(map_file.stem), map_file)
-                echo(f"map: {map_file}", err=True)
+            if out_map is not None:
+                save_map(result.explored_map(out_map.stem), out_map)
+                echo(f"map: {out_map}", err=True)
         if server is not None:
             if request.stay:
                 echo("live: the run has ended; Ctrl-C ends the server", err=True)
@@ -244,26 +245,6 @@ def _prepared(request: RunOptions, mission: str | tuple[float, float] | None) ->
         what = "is for explorations: give --explore, or such a mission"
         raise InputError(what, key="--out-map")
     return session
-
-
-def _map_file(request: RunOptions) -> Path | None:
-    """The file of ``--out-map``: one in the project's ``maps`` for a bare name; None without it.
-
-    Raises:
-        InputError: there is a file already, or the name is none of a map file.
-
-    """
-    if request.out_map is None:
-        return None
-    file = Path(request.out_map)
-    if file.suffix not in {".yaml", ".yml"}:
-        if len(file.parts) != 1:
-            raise InputError(f"expected a name, or a .yaml file, got {file}", key="--out-map")
-        file = (project_folder() or Path()) / "maps" / f"{file}.yaml"
-    if file.exists() and not request.force:
-        raise InputError("exists; choose another --out-map, or give --force", file=file)
-    output_file(file, "--out-map")
-    return file
 
 
 def _show(bar: ProgressBar, goal: Waypoint, began: float, tick: TickView) -> None:

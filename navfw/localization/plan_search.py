@@ -24,7 +24,7 @@ EVERY = 0.75  # chosen
 """Distance driven [m] between two searches."""
 
 _MIN_SCANS = 10  # chosen
-"""Least number of scans for a search."""
+"""Least number of scans for a search, each of one image."""
 
 SPACING = 0.25  # chosen
 """Distance [m] between the poses of the coarse search; more on plans with more than _MAX_POSES."""
@@ -88,10 +88,13 @@ class PlanSearch:
     """Collects scans with their poses in ``odom``, and searches the plan for where they fit.
 
     ``hypotheses`` is the number of poses that the last search could not distinguish, including the
-    best; 0 before the first.
+    best; 0 before the first. ``least`` scans are needed for a search.
     """
 
-    def __init__(self, plan: OccupancyMap, field: PlanField, radius: float) -> None:
+    def __init__(
+        self, plan: OccupancyMap, field: PlanField, radius: float, least: int = _MIN_SCANS
+    ) -> None:
+        self._least = least
         self._field = field
         self._grid = _free_poses(plan, field, radius)
         self._scans = ScanMemory(MEMORY)
@@ -112,12 +115,17 @@ class PlanSearch:
 
     def begin(self) -> None:
         """Begin a search, unless one goes on, or scans or distance driven do not suffice yet."""
-        if self._search is not None or len(self._scans) < _MIN_SCANS:
+        if self._search is not None or len(self._scans) < self._least:
             return
         driven, odom = self._scans.newest
         if driven - self._searched_at >= EVERY:
             self._searched_at = driven
             self._search = self._best(odom)
+
+    @property
+    def searching(self) -> bool:
+        """Whether a search was begun and is not finished."""
+        return self._search is not None
 
     def go_on(self, seconds: float) -> Pose | None:
         """Do the part of a search that is due after ``seconds``, if one was begun.

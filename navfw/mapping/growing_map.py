@@ -33,6 +33,14 @@ _EXACT, _POINTS = 0.15, 400  # measured
 """Largest standard deviation [m] of a point that is matched, and about how many are. In two tours
 95 % of the points below 0.1 m lay within 0.08 m of a true surface, below 0.2 m within 0.2 m."""
 
+_KEPT = 150  # chosen
+"""About how many points are kept for each key pose."""
+
+_NO_SCAN = PlanScan(np.empty((0, 2)), np.empty(0), np.empty((0, 2)))  # defined
+
+_UNRELATED = 100.0  # chosen
+"""Path [m] between two maps that are joined: nothing is known of the way between them."""
+
 _SETTLED = 0.02  # chosen
 """Distance [m], or turn [rad] by 1 m, that no key pose may have moved for the grid to stay."""
 
@@ -54,7 +62,8 @@ class GrowingMapParams(StrictModel):
 class GrowingMap:
     """Joins what one robot's local map observes to a grid in the frame ``map``.
 
-    ``correction`` is the pose of ``odom`` in ``map``. ``keys`` are the key poses so far.
+    ``correction`` is the pose of ``odom`` in ``map``. ``keys`` are the key poses so far, ``clouds``
+    some of the points seen around each.
     """
 
     def __init__(self, robot: RobotModel, params: GrowingMapParams | None = None) -> None:
@@ -78,6 +87,8 @@ class GrowingMap:
         self._odometry: Odometry | None = None
         self._local_map: LocalMap | None = None
         self._moving: Sequence[OccupiedDisc] = ()
+        self.clouds: list[PlanScan] = []
+        self._merged = 0
         self._driven = self._turned = 0.0
 
     # --- writing ---------------------------------------------------------------------------------
@@ -124,8 +135,10 @@ class GrowingMap:
         self.keys.append(key)
         self._graph.add(key.pose, step)
         self._grid.merge(key)
-        if self.params.close_loops and len(self._scans) and len(self._recent):
-            self._recent.forget(self._path - _NEAR)
+        self._merged += 1
+        self._recent.forget(self._path - _NEAR)
+        self.clouds.append(self._recent.cloud(odom, _KEPT) if len(self._recent) else _NO_SCAN)
+        if self.params.close_loops and len(self._recent):
             near, far = (scans.cloud(odom, _POINTS) for scans in (self._recent, self._scans))
             self._close(self.loops.observe(self.keys, near, far, self._grid.cell))
 
@@ -147,16 +160,43 @@ class GrowingMap:
             return
         for relation in relations:
             self._graph.close(relation)
+        self._settle()
+
+    def join(self, other: GrowingMap, frame: Pose, relations: Sequence[Relation]) -> None:
+        """Add all key poses of ``other``, whose frame ``map`` has the pose ``frame`` in this one's.
+
+        ``relations`` are between key poses of this map and those of the other, counted on.
+        """
+        count, path = len(self.keys), self._path + _UNRELATED
+        for before, key in zip([None, *other.keys], other.keys, strict=False):
+            moved = replace(key, pose=frame.compose(key.pose), path=path + key.path)
+            known = None if before is None else before.submap.key.relative(key.submap.key)
+            step = self.keys[-1].pose.relative(moved.pose) if known is None else known
+            self._graph.add(moved.pose, step, sure=known is not None)
+            self.keys.append(moved)
+        self.clouds += other.clouds
+        for match in other.matches:
+            self._graph.close(
+                replace(match, first=match.first + count, second=match.second + count)
+            )
+        for relation in relations:
+            self._graph.close(relation)
+        self._path = self.keys[-1].path
+        self._settle()
+
+    def _settle(self) -> None:
+        """Fit the key poses; make the grid anew if they have moved."""
         self._graph.optimize()
         poses = self._graph.poses
         moved = max(_moved(key.pose, pose) for key, pose in zip(self.keys, poses, strict=True))
-        if moved < _SETTLED:
+        if moved < _SETTLED and self._merged == len(self.keys):
             return
         self.keys = [replace(key, pose=pose) for key, pose in zip(self.keys, poses, strict=True)]
         self.correction = self.keys[-1].correction
         self._grid = EvidenceGrid(self._grid.cell if self._grid else 0.0)
         for key in self.keys:
             self._grid.merge(key)
+        self._merged = len(self.keys)
 
     # --- reading ---------------------------------------------------------------------------------
 
@@ -166,6 +206,11 @@ class GrowingMap:
         if self._odometry is None:
             return self._start
         return self.correction.compose(self._odometry.pose)
+
+    @property
+    def matches(self) -> tuple[Relation, ...]:
+        """The matches between key poses that closed loops."""
+        return tuple(self._graph.matches)
 
     @property
     def grid(self) -> GrownGrid:

@@ -213,14 +213,18 @@ class _Matcher:
 
     def relation(self, match: SubmapMatch) -> Relation:
         """Return the match as a relation between the nearest earlier key pose and the newest."""
-        away = [
-            math.dist((self.keys[i].pose.x, self.keys[i].pose.y), (match.pose.x, match.pose.y))
-            for i in self._earlier
-        ]
-        first = self._earlier[int(np.argmin(away))]
-        seen_from = self.keys[first].pose
-        c, s = math.cos(seen_from.yaw), math.sin(seen_from.yaw)
-        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        information = product(turn.T, _CAUTION * match.information, turn)
-        measured = seen_from.relative(match.pose)
-        return Relation(first, len(self.keys) - 1, measured, information)
+        return relation_of(self.keys, self._earlier, match, len(self.keys) - 1)
+
+
+def relation_of(
+    keys: Sequence[KeyPose], earlier: Sequence[int], match: SubmapMatch, second: int
+) -> Relation:
+    """Return ``match`` of key pose ``second`` as seen from the nearest of the ``earlier`` keys."""
+    at = match.pose.x, match.pose.y
+    away = [math.dist((keys[i].pose.x, keys[i].pose.y), at) for i in earlier]
+    first = earlier[int(np.argmin(away))]
+    seen_from = keys[first].pose
+    c, s = math.cos(seen_from.yaw), math.sin(seen_from.yaw)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    information = product(turn.T, _CAUTION * match.information, turn)
+    return Relation(first, second, seen_from.relative(match.pose), information)

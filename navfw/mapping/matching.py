@@ -24,10 +24,10 @@ _POINT_SIGMA = 0.03  # chosen
 _MAX_POINTS = 300  # chosen
 """About the largest number of points of free ground that are compared."""
 
-_MIN_POINTS, _MIN_SHARE = 40, 0.3  # chosen
+_MIN_POINTS, _MIN_SHARE = 40, 0.5  # chosen
 """Least number of points that the map must have seen before, and least share of all."""
 
-_MIN_OVERLAP = 0.5  # chosen
+_MIN_OVERLAP = 0.6  # chosen
 """Share of a submap's free ground that the map must know as free for them to be of one place: the
 other side of a wall is 0.1 m from this one."""
 
@@ -106,8 +106,8 @@ class LocalPlan:
         pose = start
         for _ in range(2):
             seen = self._seen_before(scan, pose)
-            least = max(_MIN_POINTS, _MIN_SHARE * len(scan.points))
-            if len(seen.points) < least or len(floor) == 0:
+            needed = max(_MIN_POINTS, _MIN_SHARE * len(scan.points))
+            if len(seen.points) < needed or len(floor) == 0:
                 return None
             fit = self._field.match(seen, start, information)
             pose = fit.pose

@@ -12,6 +12,7 @@ import numpy as np
 
 from navfw.numerics import Mask
 from navfw.signals.grown_grid import FREE_BELOW, OCCUPIED_FROM, Evidence
+from navfw.topomap.clearance_grid import thinned
 
 _BLUR = 1.5  # measured
 """Standard deviation [cells] of the smoothing: 1 and 2 give surfaces that are as exact."""
@@ -30,12 +31,19 @@ _BEFORE = 4  # chosen
 _STEP = np.ones((3, 3), np.uint8)  # defined
 
 
-def sharpened(evidence: Evidence, share: float = SURFACE) -> Evidence:
-    """Return ``evidence`` (rows, columns) with bands of occupied cells reduced to surfaces."""
+def sharpened(evidence: Evidence, share: float = SURFACE, *, continuous: bool = False) -> Evidence:
+    """Return ``evidence`` (rows, columns) with bands of occupied cells reduced to surfaces.
+
+    A cell is of a surface with ``share`` of the strongest evidence nearby. Where a wall was seen
+    well in one part and hardly in the next, that leaves gaps; if ``continuous``, the middle lines
+    of the bands are of surfaces, too.
+    """
     occupied = evidence >= OCCUPIED_FROM
     strength = cv2.GaussianBlur(np.maximum(evidence, 0).astype(np.uint8), (0, 0), _BLUR)
     strongest = cv2.dilate(strength, _NEARBY)
     surface = occupied & (strength >= share * strongest)
+    if continuous:
+        surface |= thinned(occupied)
     before = _reached(evidence <= FREE_BELOW, occupied & ~surface)
     result = evidence.copy()
     result[occupied & ~surface] = 0

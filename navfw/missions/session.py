@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any, Self
 
 from navfw.errors import InputError
+from navfw.mapping import made_map
 from navfw.missions.exploration_result import ExplorationResult, measure_exploration
-from navfw.missions.explored_map import explored_map
 from navfw.missions.mission_events import EventClock, EventRecord
 from navfw.missions.missionfile import MissionFile
 from navfw.missions.missionspec import EventSpec
@@ -330,7 +330,8 @@ class MissionResult(RunResult):
         growing = self.session.stack.growth.growing_map
         if growing is None or not growing.keys:
             raise InputError("nothing was explored, so there is no map of it")
-        return explored_map(Path(name).stem, growing.grid)
+        radius = self.session.mission.spec.robot.radius
+        return made_map(Path(name).stem, growing.grid, radius, growing.drops)
 
     @property
     def exit_code(self) -> int:

@@ -138,7 +138,9 @@ class _RecordedGoal(_Recorded):
     y: float
 
 
-class _RecordedMission(_Recorded):
+class RecordedMission(_Recorded):
+    """The mission in a result, as far as it is used."""
+
     start: tuple[float, float, float]
     start_known: bool = True
     shadow: bool = False
@@ -197,7 +199,7 @@ def _started(folder: Path) -> tuple[Stack, SensorRecording, _FaultReplay]:
     config = read_result(folder).get("config")
     with rewording(prefix="config.mission.", file=folder / RESULT):
         data = config.get("mission") if isinstance(config, dict) else None
-        mission = _RecordedMission.model_validate(data)
+        mission = RecordedMission.model_validate(data)
     file = recording_in(folder)
     recording = load_recording(file)
     _check_images(recording, mission.robot.camera, file)

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from navfw.config.input_file import shown_path
 from navfw.config.lookup import find
@@ -125,7 +125,7 @@ class Stack:
         topo_map: TopoMap,
         plugins: PluginSource,
         overrides: Sequence[str] = (),
-    ) -> Stack:
+    ) -> Self:
         """Build the stack of that name or file; raises like ``stackfile.load_stack``."""
         path = find("stack", name)
         config = load_stack(path, plugins, overrides)

@@ -51,23 +51,27 @@ def build_map(
     grid: ClearanceGrid,
     rooms: Mapping[str, Bounds] | None = None,
     report: ProgressCallback = silent,
+    radius: float | None = None,
+    roughness: float = 0.0,
 ) -> TopoMap:
-    """Derive a map of the free space in ``grid`` for the default robot.
+    """Derive a map of the free space in ``grid`` for a robot of ``radius`` [m].
 
-    Only its largest connected part is mapped. ``rooms`` (x0, x1, y0, y1) [m] by name, if given,
-    provide the names of places; else they are room, hall or corridor, numbered.
+    Without ``radius`` it is the default robot. Only its largest connected part is mapped. ``rooms``
+    (x0, x1, y0, y1) [m] by name, if given, provide the names of places; else they are room, hall or
+    corridor, numbered. Walls of an observed map are uneven by ``roughness`` [m]: a narrowing
+    by less is no door.
 
     Raises:
         MapError: there is no free space for the robot.
 
     """
-    radius = RobotModel().radius
+    radius = RobotModel().radius if radius is None else radius
     need = radius + MARGIN
     report("skeleton of the free space")
     graph = skeleton_graph(grid, need)
     if not graph:
         raise MapError(f"no space is free for a robot of radius {radius:g} m", key=name)
-    lines = _StraightLines(grid, need)
+    lines = _StraightLines(grid, need, roughness)
     for a, b, data in with_progress(list(graph.edges(data=True)), "lines", report):
         lines.add_line(graph, min(a, b), max(a, b), data["line"])
     for node in nx.isolates(graph):
@@ -84,10 +88,10 @@ def build_map(
 class _StraightLines:
     """The skeleton's lines as points and free straight segments between them."""
 
-    def __init__(self, grid: ClearanceGrid, need: float) -> None:
+    def __init__(self, grid: ClearanceGrid, need: float, roughness: float) -> None:
         self.grid = grid
         self.open = grid.without_columns()
-        self.need = need
+        self.need, self._roughness = need, roughness
         self.graph = nx.Graph()
         self.doors: dict[int, Point] = {}  # by point: the direction through the door
         self.centres: set[int] = set()  # the points that represent rooms and halls
@@ -103,7 +107,7 @@ class _StraightLines:
     def add_line(self, skeleton: nx.MultiGraph, a: int, b: int, line: Array) -> None:
         """Add a line of the skeleton between two of its nodes, with its doors."""
         last, begin = self.point_of(skeleton, a), 0
-        for door in doors_on(self.open, line):
+        for door in doors_on(self.open, line, self._roughness):
             index = door.index
             before, behind = (self._beside_door(door.at, door.through, s) for s in (-1, 1))
             middle = self._point(door.at, door=door.through)

@@ -47,11 +47,11 @@ class Door:
     through: Point
 
 
-def doors_on(grid: ClearanceGrid, line: Array) -> list[Door]:
+def doors_on(grid: ClearanceGrid, line: Array, roughness: float = 0.0) -> list[Door]:
     """Find the doors on ``line`` (N, 2) [m], in its order.
 
     A door is the narrowest part of a gap between jambs on both sides that becomes wider within 1.7
-    m; it lies in the middle of the wall.
+    m; it lies in the middle of the wall. Walls are uneven by ``roughness`` [m].
     """
     clearance = np.array([grid.at(*point) for point in line])
     doors: list[Door] = []
@@ -64,7 +64,8 @@ def doors_on(grid: ClearanceGrid, line: Array) -> list[Door]:
         if jambs is None:
             continue
         point, through = _across(*jambs)
-        gap = [_until_wider(grid, point, through, sign, narrowest) for sign in (-1, 1)]
+        enough = narrowest + roughness
+        gap = [_until_wider(grid, point, through, sign, enough) for sign in (-1, 1)]
         if sum(gap) > _DOOR_DEPTH:
             continue
         shift = 0.5 * (gap[1] - gap[0])

@@ -1,0 +1,109 @@
+"""Maps out of a grown grid: the floor plan; places, doors and passages on its free ground."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from navfw.localmap.cell_arrays import cell_disc, distances
+from navfw.mapping.matching import plan_of
+from navfw.mapping.sharpening import sharpened
+from navfw.numerics import Array, Mask
+from navfw.signals import GrownGrid
+from navfw.signals.grown_grid import FREE_BELOW, Evidence
+from navfw.topomap import Place, TopoMap
+from navfw.topomap.clearance_grid import ClearanceGrid
+from navfw.topomap.map_builder import build_map
+from navfw.topomap.occupancy_map import OccupancyMap
+
+_SPECK = 0.06  # chosen
+"""Area [m^2] of unseen ground amid free ground that counts as free: gaps between rays."""
+
+_DOT, _SURE = 2, 64  # chosen
+"""Cells of the largest occupied spot that counts as free, unless its evidence is sure."""
+
+_FAR = 10.0  # chosen
+"""Clearance [m] where nothing is near."""
+
+_NARROW = 0.75  # chosen
+"""Half the width of a gap that counts as closed, over the robot's radius."""
+
+_ROUGHNESS = 0.05  # measured
+"""How uneven walls are [m]: a cell."""
+
+_APART = 1.0  # chosen
+"""Distance [m] between two dangers of the map."""
+
+
+def cleaned_grid(grid: GrownGrid) -> GrownGrid:
+    """Return ``grid`` with walls as thin as surfaces, and without specks in its free ground."""
+    evidence = sharpened(grid.log_odds, continuous=True)
+    sharp = GrownGrid(evidence, grid.origin, grid.cell)
+    occupied = sharp.occupied & ~_dots(evidence, sharp.occupied)
+    free = sharp.free | (sharp.occupied & ~occupied)
+    free |= _specks(~free & ~occupied, occupied, _SPECK / grid.cell**2)
+    evidence = evidence.copy()
+    evidence[free] = np.minimum(evidence[free], FREE_BELOW)
+    return GrownGrid(evidence, grid.origin, grid.cell)
+
+
+def _dots(evidence: Evidence, occupied: Mask) -> Mask:
+    """Return the occupied cells of spots that are small, and not sure."""
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(occupied.view(np.uint8), connectivity=8)
+    small = stats[:, cv2.CC_STAT_AREA] <= _DOT
+    small[0] = False
+    small[labels[evidence >= _SURE]] = False
+    dots: Mask = small[labels]
+    return dots
+
+
+def _specks(unseen: Mask, occupied: Mask, largest: float) -> Mask:
+    """Return the ``unseen`` cells of spots up to ``largest`` [cells] that touch nothing occupied.
+
+    Beside something occupied they may be a part of a wall that was not seen.
+    """
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(unseen.view(np.uint8), connectivity=4)
+    small = stats[:, cv2.CC_STAT_AREA] <= largest
+    small[0] = False
+    beside = cv2.dilate(occupied.view(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    small[labels[beside]] = False
+    specks: Mask = small[labels]
+    return specks
+
+
+def made_map(name: str, grid: GrownGrid, radius: float, drops: Array | None = None) -> TopoMap:
+    """Make the map ``name`` of ``grid`` for a robot of ``radius`` [m], with its floor plan.
+
+    ``drops`` (n, 2) [m, map] are spots whose floor is missing: they become dangers.
+
+    Raises:
+        MapError: no ground is free for the robot.
+
+    """
+    plan = plan_of(cleaned_grid(grid))
+    made = build_map(name, clearances_of(plan, radius), radius=radius, roughness=_ROUGHNESS)
+    places = [*made.places.values(), *_dangers(drops)]
+    return TopoMap(name, places, made.passages, floor_plan=plan)
+
+
+def clearances_of(plan: OccupancyMap, radius: float) -> ClearanceGrid:
+    """Return distances [m] on ``plan`` to what is not known to be free.
+
+    Gaps through which a robot of ``radius`` [m] is too wide by far count as closed: of a wall some
+    parts are not seen.
+    """
+    disc = cell_disc(round(_NARROW * radius / plan.resolution)).view(np.uint8)
+    free = cv2.morphologyEx(np.pad(plan.free, 1).view(np.uint8), cv2.MORPH_OPEN, disc) > 0
+    away = distances(~free, plan.resolution, _FAR)[1:-1, 1:-1]
+    x, y = plan.origin.to_parent(0.5 * plan.resolution, 0.5 * plan.resolution)
+    return ClearanceGrid((x, y), plan.resolution, away - 0.5 * plan.resolution)
+
+
+def _dangers(drops: Array | None) -> list[Place]:
+    """Return places of kind danger at the ``drops``, some distance apart."""
+    dangers: list[Place] = []
+    for x, y in () if drops is None else drops.tolist():
+        if all(danger.distance(x, y) > _APART for danger in dangers):
+            name = f"danger-{len(dangers) + 1}"
+            dangers.append(Place(name, round(x, 2), round(y, 2), "danger"))
+    return dangers
