@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 
@@ -11,7 +13,7 @@ from navfw.mapping.sharpening import sharpened
 from navfw.numerics import Array, Mask
 from navfw.signals import GrownGrid
 from navfw.signals.grown_grid import FREE_BELOW, Evidence
-from navfw.topomap import Place, TopoMap
+from navfw.topomap import TopoMap
 from navfw.topomap.clearance_grid import ClearanceGrid
 from navfw.topomap.map_builder import build_map
 from navfw.topomap.occupancy_map import OccupancyMap
@@ -31,8 +33,8 @@ _NARROW = 0.75  # chosen
 _ROUGHNESS = 0.05  # measured
 """How uneven walls are [m]: a cell."""
 
-_APART = 1.0  # chosen
-"""Distance [m] between two dangers of the map."""
+_NEAR_DROP = 0.6  # chosen
+"""Distance [m] from missing floor at which a passage is a danger."""
 
 
 def cleaned_grid(grid: GrownGrid) -> GrownGrid:
@@ -74,7 +76,8 @@ def _specks(unseen: Mask, occupied: Mask, largest: float) -> Mask:
 def made_map(name: str, grid: GrownGrid, radius: float, drops: Array | None = None) -> TopoMap:
     """Make the map ``name`` of ``grid`` for a robot of ``radius`` [m], with its floor plan.
 
-    ``drops`` (n, 2) [m, map] are spots whose floor is missing: they become dangers.
+    ``drops`` (n, 2) [m, map] are spots whose floor is missing: passages that lead past
+    them are a danger.
 
     Raises:
         MapError: no ground is free for the robot.
@@ -82,8 +85,9 @@ def made_map(name: str, grid: GrownGrid, radius: float, drops: Array | None = No
     """
     plan = plan_of(cleaned_grid(grid))
     made = build_map(name, clearances_of(plan, radius), radius=radius, roughness=_ROUGHNESS)
-    places = [*made.places.values(), *_dangers(drops)]
-    return TopoMap(name, places, made.passages, floor_plan=plan)
+    if drops is not None and len(drops):
+        made = _with_dangers(made, drops)
+    return TopoMap(name, made.places.values(), made.passages, floor_plan=plan)
 
 
 def clearances_of(plan: OccupancyMap, radius: float) -> ClearanceGrid:
@@ -99,11 +103,13 @@ def clearances_of(plan: OccupancyMap, radius: float) -> ClearanceGrid:
     return ClearanceGrid((x, y), plan.resolution, away - 0.5 * plan.resolution)
 
 
-def _dangers(drops: Array | None) -> list[Place]:
-    """Return places of kind danger at the ``drops``, some distance apart."""
-    dangers: list[Place] = []
-    for x, y in () if drops is None else drops.tolist():
-        if all(danger.distance(x, y) > _APART for danger in dangers):
-            name = f"danger-{len(dangers) + 1}"
-            dangers.append(Place(name, round(x, 2), round(y, 2), "danger"))
-    return dangers
+def _with_dangers(topo_map: TopoMap, drops: Array) -> TopoMap:
+    """Return the map with danger on the passages that lead past ``drops`` (n, 2) [m]."""
+    near = [
+        projection.passage.ends
+        for x, y in drops.tolist()
+        for projection in topo_map.project_onto_passages(x, y, slack=_NEAR_DROP)
+        if projection.aside < _NEAR_DROP
+    ]
+    passages = [replace(p, danger=1.0) if p.ends in near else p for p in topo_map.passages]
+    return TopoMap(topo_map.name, topo_map.places.values(), passages)
