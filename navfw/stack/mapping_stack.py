@@ -52,4 +52,4 @@ class MappingStack(Stack):
         self.tracker.prune(odometry.time, odometry.pose, self.local_map.occupancy.occupied_at)
         moving = self.tracker.occupied_discs(odometry.time)
         self.local_map.forget_track(moving)
-        self.growth.update(odometry, self.local_map, moving, view.percept, pose)
+        self.growing.update(odometry, self.local_map, moving, view.percept, pose)
