@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,15 +56,36 @@ class EvidenceGrid:
 
     def merge(self, key: KeyPose) -> None:
         """Merge the submap of ``key`` at its pose."""
-        submap, frame = key.submap, key.correction
-        rows, columns = submap.evidence.shape
-        x, y = submap.corner
+        corners = self._corners(key)
+        self._cover(corners)
+        row, column = self._first
+        merge_submap(self.cells, key.submap.evidence, *_placed(key, corners[0], column, row))
+
+    def renew(self, keys: Sequence[KeyPose], moved: Sequence[KeyPose]) -> None:
+        """Make the grid anew of ``keys`` where ``moved`` ones, at old and new poses, have been."""
+        if not moved:
+            return
+        corners = np.concatenate([self._corners(key) for key in moved])
+        self._cover(corners)
+        low, high = np.floor(corners.min(axis=0)) - 1, np.ceil(corners.max(axis=0)) + 2
+        window: Evidence = np.zeros((int(high[1] - low[1]), int(high[0] - low[0])), np.int8)
+        for key in keys:
+            at = self._corners(key)
+            if (at.max(axis=0) >= low).all() and (at.min(axis=0) <= high).all():
+                merge_submap(window, key.submap.evidence, *_placed(key, at[0], low[0], low[1]))
+        row, column = int(low[1]) - self._first[0], int(low[0]) - self._first[1]
+        rows, columns = window.shape
+        top, left = max(row, 0), max(column, 0)
+        inside = self.cells[top : row + rows, left : column + columns]
+        inside[:] = window[top - row :, left - column :][: inside.shape[0], : inside.shape[1]]
+
+    def _corners(self, key: KeyPose) -> Array:
+        """Return the centres (4, 2: x, y) [cells, map] of the corner cells of a key's submap."""
+        rows, columns = key.submap.evidence.shape
+        x, y = key.submap.corner
         far_x, far_y = x + (columns - 1) * self.cell, y + (rows - 1) * self.cell
         corners = np.array([(x, y), (far_x, y), (x, far_y), (far_x, far_y)])
-        self._cover(frame.points_to_parent(corners) / self.cell)
-        at = frame.points_to_parent(corners[:1])[0] / self.cell
-        row, column = at[1] - self._first[0], at[0] - self._first[1]
-        merge_submap(self.cells, submap.evidence, column, row, frame.yaw)
+        return np.asarray(key.correction.points_to_parent(corners) / self.cell)
 
     def _cover(self, points: Array) -> None:
         """Grow so that ``points`` (n, 2: x, y) [cells] lie inside."""
@@ -83,3 +105,8 @@ class EvidenceGrid:
         if self.cells.size:
             grown[row : row + rows, column : column + columns] = self.cells
         self.cells, self._first = grown, (first[0], first[1])
+
+
+def _placed(key: KeyPose, at: Array, column: float, row: float) -> tuple[float, float, float]:
+    """Return where ``merge_submap`` puts a submap: its cell [0, 0] is ``at`` (x, y) [cells]."""
+    return float(at[0] - column), float(at[1] - row), key.correction.yaw

@@ -182,21 +182,32 @@ class GrowingMap:
         for relation in relations:
             self._graph.close(relation)
         self._path = self.keys[-1].path
-        self._settle()
+        self._settle(count - 1)
 
-    def _settle(self) -> None:
-        """Fit the key poses; make the grid anew if they have moved."""
+    def _settle(self, newest: int = -1) -> None:
+        """Fit the key poses; make the grid anew where some have moved.
+
+        ``newest`` is the key pose that shows where ``odom`` is.
+        """
         self._graph.optimize()
-        poses = self._graph.poses
-        moved = max(_moved(key.pose, pose) for key, pose in zip(self.keys, poses, strict=True))
-        if moved < _SETTLED and self._merged == len(self.keys):
-            return
-        self.keys = [replace(key, pose=pose) for key, pose in zip(self.keys, poses, strict=True)]
-        self.correction = self.keys[-1].correction
-        self._grid = EvidenceGrid(self._grid.cell if self._grid else 0.0)
-        for key in self.keys:
-            self._grid.merge(key)
+        before = self.keys[: self._merged]
+        self.keys = [
+            key if _moved(key.pose, pose) < _SETTLED else replace(key, pose=pose)
+            for key, pose in zip(self.keys, self._graph.poses, strict=True)
+        ]
+        changed = [
+            at
+            for old, new in zip(before, self.keys, strict=False)
+            for at in (old, new)
+            if new is not old
+        ]
+        changed += self.keys[self._merged :]
         self._merged = len(self.keys)
+        if self._odometry is not None:
+            odom = self.keys[newest].submap.key
+            self.correction = self._graph.poses[newest].frame_of(odom)
+        if self._grid is not None:
+            self._grid.renew(self.keys, changed)
 
     # --- reading ---------------------------------------------------------------------------------
 

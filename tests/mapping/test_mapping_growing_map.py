@@ -1,5 +1,7 @@
 """The growing map: what was observed becomes free, occupied or unseen cells of one grid."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -8,6 +10,8 @@ from mapping_scenes import ROBOT, ROOM, ROUND, SIGHT, agreement, drive, inside, 
 
 from navfw.localmap import LocalMap
 from navfw.mapping import GrowingMap
+from navfw.mapping.evidence_grid import EvidenceGrid, KeyPose
+from navfw.mapping.submaps import Submap
 from navfw.signals import GrownGrid, OccupiedDisc, Odometry, Pose, Twist
 
 STARTS = st.builds(Pose, st.floats(-20, 20), st.floats(-20, 20), st.floats(-3.1, 3.1))
@@ -95,3 +99,32 @@ def test_decayed_evidence_is_not_observed_again() -> None:
     growing.finish()
     first, second = (key.submap.evidence for key in growing.keys)
     assert np.count_nonzero(second) < 0.02 * np.count_nonzero(first)  # the footprint alone
+
+
+@settings(max_examples=20)
+@given(st.integers(0, 2**16), st.integers(1, 4))
+def test_a_grid_renewed_in_part_equals_one_made_anew(seed: int, count: int) -> None:
+    rng = np.random.default_rng(seed)
+    keys = []
+    for _ in range(6):
+        evidence = rng.choice(np.array([-40, 0, 96], np.int8), (12, 9))
+        x, y, yaw = rng.uniform(-3.0, 3.0, 3).tolist()
+        corner = round(x / 0.05) * 0.05 - 0.2, round(y / 0.05) * 0.05 - 0.3
+        submap = Submap(0.0, Pose(x, y, yaw), corner, evidence, np.empty((0, 2)))
+        keys.append(KeyPose(submap, Pose(x, y, yaw)))
+    grid = EvidenceGrid(0.05)
+    for key in keys:
+        grid.merge(key)
+    moved = list(keys)
+    for k in range(count):
+        x, y, yaw = rng.uniform(-0.3, 0.3, 3).tolist()
+        moved[k] = replace(keys[k], pose=keys[k].pose.compose(Pose(x, y, yaw)))
+    grid.renew(moved, [*keys[:count], *moved[:count]])
+    anew = EvidenceGrid(0.05)
+    for key in (*keys, *moved):  # of the same extent
+        anew.merge(key)
+    anew.cells[:] = 0
+    for key in moved:
+        anew.merge(key)
+    assert grid.origin == anew.origin
+    assert np.array_equal(grid.cells, anew.cells)
