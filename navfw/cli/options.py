@@ -294,6 +294,11 @@ def _commands(group: Any, path: str = "") -> Iterator[tuple[str, str]]:
             yield f"{path}{name}", command.help or ""
 
 
+def own_map(name: str) -> Path:
+    """The file of the project's own map of that name; it need not exist."""
+    return (project_folder() or Path()) / "maps" / f"{name}.yaml"
+
+
 def map_file(name: str, option: str, force: bool) -> Path:
     """The map file to write of that name or path: a bare name is in the project's ``maps``.
 
@@ -305,7 +310,7 @@ def map_file(name: str, option: str, force: bool) -> Path:
     if file.suffix not in {".yaml", ".yml"}:
         if len(file.parts) != 1:
             raise InputError(f"expected a name, or a .yaml file, got {file}", key=option)
-        file = (project_folder() or Path()) / "maps" / f"{file}.yaml"
+        file = own_map(name)
     if file.exists() and not force:
         raise InputError(f"exists; choose another {option}, or give --force", file=file)
     output_file(file, option)

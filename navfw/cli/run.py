@@ -24,6 +24,7 @@ from navfw.process.last_trace import ended_after
 from navfw.recording.run_folder import RunFolder, plain_json
 
 if TYPE_CHECKING:
+    from navfw.missions.missionfile import Destination
     from navfw.missions.pilot import TickView
     from navfw.missions.session import MissionResult, Session
     from navfw.recording.live_server import LiveServer
@@ -42,8 +43,19 @@ class RunOptions:
     goal: Annotated[
         str | None,
         typer.Option(
-            metavar="X,Y",
-            help="A point [m] to drive to from the start of the first mission, instead of MISSION.",
+            metavar="PLACE|X,Y",
+            help="A place or point [m] to drive to from the start of the first mission, instead of"
+            " MISSION.",
+        ),
+    ] = None
+    map_: Annotated[
+        str | None,
+        typer.Option(
+            "--map",
+            metavar="NAME",
+            help="Of --goal: name or file of another map, such as one of --explore [default: that"
+            " of the first mission].",
+            autocompletion=options.completer_of("map"),
         ),
     ] = None
     explore: Annotated[
@@ -140,17 +152,26 @@ def run(options: RunOptions) -> None:
     _run(options)
 
 
-def _target(request: RunOptions) -> str | tuple[float, float] | None:
-    """The mission, the point of ``--goal``, or None to explore; one of them is given."""
+def _target(request: RunOptions) -> str | Destination | None:
+    """The mission, the destination of ``--goal``, or None to explore; one of them is given."""
+    from navfw.missions.missionfile import Destination
+
+    if request.map_ is not None and request.goal is None:
+        what = "needs --goal; a mission file names its map itself (--set mission.map=NAME)"
+        raise InputError(what, key="--map")
     if request.explore:
         if request.mission or request.goal is not None:
             raise InputError("give a mission or goal, or --explore, not both", key="--explore")
         return None
     if request.mission and request.goal is not None:
         raise InputError("give a mission or a goal, not both", key="--goal")
-    point = options.numbers_of("--goal", request.goal, ("X", "Y"))
-    if point is not None:
-        return point[0], point[1]
+    if request.goal is not None:
+        point = None
+        if not request.goal[:1].isalpha():
+            point = options.numbers_of("--goal", request.goal, ("X", "Y"))
+        goal = request.goal if point is None else (point[0], point[1])
+        own = options.own_map(request.map_ or "")
+        return Destination(goal, str(own) if own.is_file() else request.map_)
     if not request.mission:
         names = ", ".join(item.name for item in list_missions(request.world)) or "it has none"
         what = f"give --goal, or one of the missions of {request.world}: {names}"
@@ -229,7 +250,7 @@ def _drive(request: RunOptions) -> tuple[MissionResult, Path | None, tuple[str, 
     return result, folder, (*missing, *_write_video(request, target.final))
 
 
-def _prepared(request: RunOptions, mission: str | tuple[float, float] | None) -> Session:
+def _prepared(request: RunOptions, mission: str | Destination | None) -> Session:
     """The session of the run, loaded and checked."""
     from navfw.missions.session_setup import prepare
 

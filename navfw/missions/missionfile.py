@@ -167,20 +167,42 @@ _OF_WORLD = ("map", "stack", "start", "robot", "sensors")
 """Keys of a world's mission that a mission to a point takes over."""
 
 
-def mission_to(world: str | Path, goal: _Point, overrides: Sequence[Override] = ()) -> MissionFile:
-    """The mission to a point (x, y) [m], from the start of the first mission of ``world``.
+@dataclass(frozen=True, slots=True)
+class Destination:
+    """Where a mission from the start of a world's first mission leads, and on which map.
 
-    The first by name that has a known start; map, stack, robot and sensors are its own as well.
+    ``goal`` is a point (x, y) [m] or the name of a place of the map. ``topo_map`` is the map's name
+    or file; None: that of the first mission.
+    """
+
+    goal: _Point | str
+    topo_map: str | None = None
+
+
+def mission_to(
+    world: str | Path, to: Destination, overrides: Sequence[Override] = ()
+) -> MissionFile:
+    """The mission to a point or place, from the start of the first mission of ``world``.
+
+    The first by name that has a known start; map, stack, robot and sensors are its own as well. On
+    another map the stack is the one for what that map contains.
 
     Raises:
         ConfigError: the world has no mission with a known start, or an override is wrong.
-        UnknownNameError: there is no such world.
+        UnknownNameError: there is no such world, map or place.
 
     """
-    to = f"{goal[0]:g},{goal[1]:g}"
-    task = {"goals": [{"x": goal[0], "y": goal[1]}], "timeout": 900.0}
-    task["description"] = f"To ({goal[0]:g}, {goal[1]:g}) from the start of"
-    return _from_start(world, task, f"--goal {to}", f"to-{to}", overrides)
+    goal: Any
+    if isinstance(to.goal, str):
+        name, goal = to.goal, to.goal
+    else:
+        name, goal = f"{to.goal[0]:g},{to.goal[1]:g}", {"x": to.goal[0], "y": to.goal[1]}
+    task: dict[str, Any] = {"goals": [goal], "timeout": 900.0}
+    task["description"] = f"To {name} from the start of"
+    if to.topo_map is not None:
+        file = Path(to.topo_map)
+        task["map"] = str(file.absolute()) if file.is_file() else to.topo_map
+    return _from_start(world, task, f"--goal {name}", f"to-{name}", overrides)
 
 
 def exploration_of(world: str | Path, overrides: Sequence[Override] = ()) -> MissionFile:
@@ -210,6 +232,9 @@ def _from_start(
             break
     else:
         raise ConfigError(f"{world} has no mission with a known start to go from", key=option)
+    if "map" in task:  # another map does not know the place to start from
+        start = mission_in(with_section(document), named.path).start
+        task = {**task, "start": [start.x, start.y, start.yaw]}
     changed = with_section(with_task(document, task, option))
     changed.data["description"] += f" {named.name}."
     return mission_in(apply_overrides(changed, overrides), named.path.with_name(f"{name}.yaml"))
@@ -218,17 +243,17 @@ def _from_start(
 def with_task(document: YamlDocument, task: Mapping[str, Any], option: str) -> YamlDocument:
     """The mission of ``document`` with the keys of ``task`` instead of its own.
 
-    Map, stack, start, robot and sensors stay, but for the stack of an exploration. Errors in the
-    task name the ``option``.
+    Map, stack, start, robot and sensors stay, but for the stack of an exploration, or of another
+    map. Errors in the task name the ``option``.
     """
-    kept = [key for key in _OF_WORLD if key != "stack" or "explore" not in task]
+    kept = [key for key in _OF_WORLD if key != "stack" or not {"explore", "map"} & set(task)]
     data = {key: value for key, value in document.data.items() if key in kept} | dict(task)
     origins = {
         path: at
         for path, at in document.origins.items()
         if path[:1] not in {(key,) for key in task}
     }
-    origins |= {(key,): Origin(option=option) for key in task}
+    origins |= {(key,): Origin(option="--map" if key == "map" else option) for key in task}
     return YamlDocument(document.file, data, origins)
 
 

@@ -21,6 +21,7 @@ from navfw.config.overrides import Override, Settings, override_texts, parse_ove
 from navfw.errors import ConfigError, UnknownNameError, checked_seed
 from navfw.missions.mission_events import resolve_events, with_doors_open
 from navfw.missions.missionfile import (
+    Destination,
     MissionFile,
     exploration_of,
     load_mission,
@@ -37,9 +38,9 @@ from navfw.sim.worldspec import WorldSpec
 from navfw.stack import Stack
 from navfw.stack.stack_document import read_stack
 
-Mission: TypeAlias = str | Path | tuple[float, float] | None
-"""A mission's name or file; or the point x, y [m] that a mission from the world's start leads to,
-the start of its first mission with a known one; None: an exploration from there."""
+Mission: TypeAlias = str | Path | tuple[float, float] | Destination | None
+"""A mission's name or file; or the point x, y [m], or destination, that a mission from the world's
+start leads to, the start of its first mission with a known one; None: an exploration from there."""
 
 _DEFAULT_STACK, _FLOOR_PLAN_STACK = "default", "floor_plan"
 """The stack of a mission that names none, and the one if its map has a floor plan."""
@@ -133,8 +134,9 @@ def prepare(
     world_file = find("world", world)
     if mission is None:
         loaded = exploration_of(world, for_mission)
-    elif isinstance(mission, tuple):
-        loaded = mission_to(world, mission, for_mission)
+    elif isinstance(mission, tuple | Destination):
+        to = Destination(mission) if isinstance(mission, tuple) else mission
+        loaded = mission_to(world, to, for_mission)
     else:
         loaded = load_mission(find_mission(world, mission), for_mission)
     spec, name = load_world(world_file), world_file.parent.name

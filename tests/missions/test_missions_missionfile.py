@@ -12,7 +12,13 @@ from navfw.config import find, list_files
 from navfw.config.lookup import NamedFile, list_missions
 from navfw.errors import ConfigError, InputError, UnknownNameError, WorldError
 from navfw.missions import MissionLoop, prepare
-from navfw.missions.missionfile import MissionFile, draw_start, load_mission
+from navfw.missions.missionfile import (
+    Destination,
+    MissionFile,
+    draw_start,
+    load_mission,
+    mission_to,
+)
 from navfw.missions.outcome import Outcome
 from navfw.missions.run_metrics import RunMetrics, measure
 from navfw.missions.runner import Task
@@ -24,7 +30,8 @@ from navfw.sim import SceneGeometry, SensorParams, WorldSpec, load_world
 from navfw.sim.sensor_models import PRESETS
 from navfw.sim.worldspec import BoxSpec
 from navfw.stack import StackState
-from navfw.topomap import Place
+from navfw.topomap import Passage, Place, TopoMap
+from navfw.topomap.map_formats import save_map
 
 HERE = Pose(0.0, 0.0, 0.0)
 GOOD = """\
@@ -323,3 +330,30 @@ def test_without_a_visible_landmark_the_robot_turns_and_has_no_plan(tmp_path: Pa
     summary = result.summary()
     assert summary["localized_after_s"] is None
     assert summary["landmark_updates"] == 0
+
+
+def test_a_destination_is_a_place_or_a_point_of_any_map(tmp_path: Path) -> None:
+    lab = mission_to("office", Destination("lab"))
+    first = load_mission(list_missions("office")[0].path)
+    assert lab.goals[0].place == "lab"
+    assert (lab.start, lab.topo_map.name) == (first.start, first.topo_map.name)
+    # a map that someone else made, which does not know the place to start from
+    own = tmp_path / "own.yaml"
+    start = first.start
+    save_map(
+        TopoMap(
+            "own",
+            [Place("a", start.x, start.y), Place("b", start.x + 1.0, start.y)],
+            [Passage("a", "b", 1.0)],
+        ),
+        own,
+    )
+    there = mission_to("office", Destination("b", str(own)))
+    assert (there.topo_map.name, there.start) == ("own", start)
+    assert there.spec.stack is None, "what the map contains decides"
+    to_point = mission_to("office", Destination((2.0, 2.0), str(own)))
+    assert (to_point.goals[0].x, to_point.goals[0].place) == (2.0, "")
+    with pytest.raises(UnknownNameError, match=r"--goal c.*unknown place 'c'"):
+        mission_to("office", Destination("c", str(own)))
+    with pytest.raises(UnknownNameError, match=r"--map.*unknown map 'own'"):
+        mission_to("office", Destination("b", "own"))
