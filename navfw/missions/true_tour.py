@@ -80,6 +80,8 @@ class TrueTour:
         self._pose = Pose(*at, math.atan2(y1 - y0, x1 - x0))
         self._mark_body()
         self._look()
+        if last == len(path) - 1:
+            self._feel(float(path[-1, 0]), float(path[-1, 1]))
         return float(far[last - 1]) if free else float(far[last - 1] - steps[last - 1])
 
     def _free_at(self, x: float, y: float) -> bool:
@@ -98,6 +100,15 @@ class TrueTour:
         marked = self._evidence.copy()
         cv2.circle(marked, (int(cells[0, 1]), int(cells[0, 0])), radius, _FREE, cv2.FILLED)
         self._evidence = np.where(self._solid.occupied, self._evidence, marked)
+
+    def _feel(self, x: float, y: float) -> None:
+        """Mark what is around a frontier at x, y [m] that was reached: no tour goes there twice."""
+        cells, _ = self._cells(np.array([[x, y]]))
+        disc = np.zeros(self._evidence.shape, np.uint8)
+        center = int(cells[0, 1]), int(cells[0, 0])
+        cv2.circle(disc, center, round(self._robot.radius / self._solid.cell), 1, cv2.FILLED)
+        felt = (disc > 0) & (self._evidence == 0)
+        self._evidence[felt] = np.where(self._solid.occupied[felt], _OCCUPIED, _FREE)
 
     def _look(self) -> None:
         """Mark what is in view: free floor up to the first solid cell of each ray, and that."""
