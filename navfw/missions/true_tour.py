@@ -7,6 +7,7 @@ frontier, on the same ground and frontiers as the planner ``explorer``, and back
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -33,7 +34,9 @@ class TrueTour:
     """The tour of one robot from ``start`` over ``solid`` and free cells of the true plan."""
 
     def __init__(self, solid: ConfigurationSpaceGrid, robot: RobotModel, start: Pose) -> None:
-        self._solid, self._robot, self._start = solid, robot, start
+        walled = np.ones(solid.occupied.shape, np.bool_)  # the edge of the world is a wall
+        walled[1:-1, 1:-1] = solid.occupied[1:-1, 1:-1]
+        self._solid, self._robot, self._start = replace(solid, occupied=walled), robot, start
         self._pose = start
         self._evidence = np.zeros(solid.occupied.shape, np.int8)
         rays = math.ceil(robot.camera.hfov / (0.7 * solid.cell / _RANGE))

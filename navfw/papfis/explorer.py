@@ -32,6 +32,11 @@ _HELD = 0.3  # chosen
 progress and the local planner's path."""
 _MIN_AHEAD = 0.4  # chosen
 """Least distance [m] of the waypoint, but at the end of the path: the robot is not at it yet."""
+_BLIND = 0.75  # chosen
+"""Distance [m] from the robot up to which it does not look at a frontier: the camera hardly sees
+the floor there, and depth needs a few decimetres of driving."""
+_TRIES = 2  # chosen
+"""Times that a frontier is given up before it is for good; the robot comes from elsewhere then."""
 _REPLAN = 0.5  # chosen
 """Time [s] between two plans: the robot moves by a few cells."""
 _PRICE = 2.0  # chosen
@@ -92,7 +97,7 @@ class Explorer(Planner):
         keep: Annotated[
             float,
             Field(ge=0.0, le=1.0, description="merit by which another frontier must be better"),
-        ] = 0.2
+        ] = 0.03
         min_gain: Annotated[
             float,
             Field(ge=0.0, le=10.0, description="unseen floor for which a frontier counts [m^2]"),
@@ -195,7 +200,11 @@ class Explorer(Planner):
         self._narrow = narrow_passages(ground, costs)
         self._give_up(frontiers, ground, time)
         candidates = [f for f in frontiers if not any(g.covers(f) for g in self._given_up)]
-        self._choice = self._chosen(candidates, ground, time)
+        if not candidates:
+            final = [g for g in self._given_up if g.tries >= _TRIES]
+            candidates = [f for f in frontiers if not any(g.covers(f) for g in final)]
+        away = [f for f in candidates if math.dist((f.x, f.y), at) >= _BLIND]
+        self._choice = self._chosen(away or candidates, ground, time)
         if self._choice is not None:
             frontier = self._choice.frontier
             end = Waypoint(frontier.x, frontier.y, 0.3, "frontier", "waypoint", final=False)
@@ -213,8 +222,13 @@ class Explorer(Planner):
         if now is None:
             return
         self._pursuit.update(time, now.length, ground.known_area)
-        if self._pursuit.idle(time) >= self.params.patience:
-            self._given_up.append(GivenUp.at(now, self._why()))
+        robot = (self._pose.x, self._pose.y) if self._pose else (now.x, now.y)
+        arrived = self._pursuit.begin >= _BLIND > math.dist((now.x, now.y), robot)
+        if arrived or self._pursuit.idle(time) >= self.params.patience:
+            before_that = [g for g in self._given_up if g.covers(now)]
+            tries = 1 + max((g.tries for g in before_that), default=0)
+            self._given_up = [g for g in self._given_up if g not in before_that]
+            self._given_up.append(GivenUp.at(now, self._why(), tries))
             self._pursuit = None
 
     def _why(self) -> str:

@@ -27,11 +27,13 @@ _ROOM = 0.4  # chosen
 class Pursuit:
     """Watches whether a robot makes progress on its way to one frontier, from ``time`` [s] on.
 
-    ``length`` [m] is that of the path there, ``known`` [m^2] the area of the floor that is known.
+    ``length`` [m] is that of the path there, and stays as ``begin``; ``known`` [m^2] is the area
+    of the floor that is known.
     """
 
     def __init__(self, time: float, length: float, known: float) -> None:
         self._since, self._length, self._known = time, length, known
+        self.begin = length
 
     def update(self, time: float, length: float, known: float) -> None:
         """Take in a plan at ``time`` [s]."""
@@ -46,17 +48,21 @@ class Pursuit:
 
 @dataclass(frozen=True, slots=True)
 class GivenUp:
-    """A frontier at x, y [m, map] that was given up for a ``reason``, at a ``gain`` [m^2]."""
+    """A frontier at x, y [m, map] that was given up for a ``reason``, at a ``gain`` [m^2].
+
+    ``tries`` is how often that was so.
+    """
 
     x: float
     y: float
     gain: float
     reason: str
+    tries: int = 1
 
     @classmethod
-    def at(cls, frontier: Frontier, reason: str) -> Self:
+    def at(cls, frontier: Frontier, reason: str, tries: int = 1) -> Self:
         """Give up ``frontier``."""
-        return cls(frontier.x, frontier.y, frontier.gain, reason)
+        return cls(frontier.x, frontier.y, frontier.gain, reason, tries)
 
     def covers(self, frontier: Frontier) -> bool:
         """Return whether ``frontier`` is the one that was given up, and nothing has changed."""

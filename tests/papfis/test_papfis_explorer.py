@@ -130,8 +130,8 @@ def test_the_rules_cover_their_inputs_and_merit_is_monotone() -> None:
         {"gain": 1, "path": -1, "turn": -1, "clearance": 1, "reserve": 1}.items()
     ):
         assert (sign * np.diff(merits, axis=axis) >= -1e-9).all(), name
-    assert merits.min() < 0.01
-    assert merits.max() > 0.99
+    assert merits.min() < 0.05
+    assert merits.max() > 0.95
 
 
 @given(
@@ -146,20 +146,20 @@ def test_some_rule_fires_for_any_frontier(values: tuple[float, ...]) -> None:
     inputs = dict(zip(INPUTS, values, strict=True))
     fired = FrontierRules().explain(inputs)
     assert fired
-    assert sum(rule["strength"] for rule in fired) == pytest.approx(1.0, abs=0.2)
+    assert sum(rule["strength"] for rule in fired) >= 1.0
 
 
 def test_rules_of_the_user_take_the_place_of_those_that_ship(tmp_path: Path) -> None:
     text = RULE_BASE.read_text().replace(
-        "gain IS little THEN merit IS good", "gain IS little THEN merit IS none"
+        "path IS at_hand THEN merit IS excellent", "path IS at_hand THEN merit IS none"
     )
     mine = tmp_path / "mine.yaml"
     mine.write_text(text)
     inputs = {"gain": 0.2, "path": 0.5, "turn": 0.0, "clearance": 0.5, "reserve": 100.0}
     one = {name: np.array([value]) for name, value in inputs.items()}
-    assert FrontierRules().merits(one)[0] == pytest.approx(0.75)
+    assert FrontierRules().merits(one)[0] == pytest.approx(1.25 / 1.35)
     planner = Explorer(ROBOT, Explorer.Params(rules=str(mine)))
-    assert planner._rules.merits(one)[0] == pytest.approx(0.0)
+    assert planner._rules.merits(one)[0] == pytest.approx(0.25 / 1.35)
     mine.write_text(text.replace("gain", "worth"))
     with pytest.raises(RuleBaseError, match=r"mine.yaml.*expected the inputs gain, path"):
         FrontierRules(mine)
@@ -261,9 +261,10 @@ def test_two_rooms_are_explored_and_the_robot_returns() -> None:
 
 @pytest.mark.thorough
 def test_without_return_it_stops_where_it_ends() -> None:
-    walk = Walk(two_rooms(), explorer(return_home=False), (1.0, 1.0))
+    walk, back = (Walk(two_rooms(), explorer(return_home=r), (1.0, 1.0)) for r in (False, True))
     walk.run()
-    assert walk.x > 4.0
+    back.run()
+    assert walk.length < back.length
     assert (walk.seen & walk.free).sum() >= 0.97 * walk.free.sum()
 
 
