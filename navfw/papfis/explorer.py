@@ -35,6 +35,8 @@ _MIN_AHEAD = 0.4  # chosen
 _BLIND = 0.75  # chosen
 """Distance [m] from the robot up to which it does not look at a frontier: the camera hardly sees
 the floor there, and depth needs a few decimetres of driving."""
+_LOOK = 2.0  # chosen
+"""Time [s] without anything new after which a frontier that is so near is given up."""
 _TRIES = 2  # chosen
 """Times that a frontier is given up before it is for good; the robot comes from elsewhere then."""
 _REPLAN = 0.5  # chosen
@@ -134,6 +136,7 @@ class Explorer(Planner):
         self._choice: ChosenFrontier | None = None
         self._pursuit: Pursuit | None = None
         self._given_up: list[GivenUp] = []
+        self._left: list[GivenUp] = []
         self._narrow: list[Point] = []
         self._waypoint: Waypoint | None = None
         self._way: list[Waypoint] = []
@@ -199,6 +202,7 @@ class Explorer(Planner):
         frontiers = [f for f in ground.frontiers(costs) if f.gain >= self.params.min_gain]
         self._narrow = narrow_passages(ground, costs)
         self._give_up(frontiers, ground, time)
+        self._left = [g for g in self._given_up if any(g.is_at(f) for f in frontiers)]
         candidates = [f for f in frontiers if not any(g.covers(f) for g in self._given_up)]
         if not candidates:
             final = [g for g in self._given_up if g.tries >= _TRIES]
@@ -224,7 +228,8 @@ class Explorer(Planner):
         self._pursuit.update(time, now.length, ground.known_area)
         robot = (self._pose.x, self._pose.y) if self._pose else (now.x, now.y)
         arrived = self._pursuit.begin >= _BLIND > math.dist((now.x, now.y), robot)
-        if arrived or self._pursuit.idle(time) >= self.params.patience:
+        patience = _LOOK if arrived else self.params.patience
+        if self._pursuit.idle(time) >= patience:
             before_that = [g for g in self._given_up if g.covers(now)]
             tries = 1 + max((g.tries for g in before_that), default=0)
             self._given_up = [g for g in self._given_up if g not in before_that]
@@ -338,14 +343,14 @@ class Explorer(Planner):
     @property
     def notes(self) -> str:
         """What was left unexplored, and why."""
-        left = [f"({g.x:.1f}, {g.y:.1f}): {g.reason}" for g in self._given_up]
+        left = [f"({g.x:.1f}, {g.y:.1f}): {g.reason}" for g in self._left]
         left += [f"({x:.1f}, {y:.1f}): the passage is too narrow" for x, y in self._narrow]
         late = ["no time was left for what is beyond the last frontiers"] * self._out_of_time
         return "; ".join([*late, *left])
 
     def explain_choice(self) -> dict[str, Any]:
         """Explain the choice of the frontier: inputs, merit, the rules that fired, the others."""
-        given_up = [{"x": g.x, "y": g.y, "why": g.reason} for g in self._given_up]
+        given_up = [{"x": g.x, "y": g.y, "why": g.reason} for g in self._left]
         if self._choice is None:
             return {"heads_for": "start", "rules": [], "given_up": given_up}
         choice = self._choice

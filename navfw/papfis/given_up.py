@@ -66,8 +66,11 @@ class GivenUp:
 
     def covers(self, frontier: Frontier) -> bool:
         """Return whether ``frontier`` is the one that was given up, and nothing has changed."""
-        near = math.dist((self.x, self.y), (frontier.x, frontier.y)) <= _COVERED
-        return near and abs(frontier.gain - self.gain) <= _CHANGED * self.gain
+        return self.is_at(frontier) and abs(frontier.gain - self.gain) <= _CHANGED * self.gain
+
+    def is_at(self, frontier: Frontier) -> bool:
+        """Return whether ``frontier`` is where this one was given up, changed or not."""
+        return math.dist((self.x, self.y), (frontier.x, frontier.y)) <= _COVERED
 
 
 def narrow_passages(ground: KnownGround, costs: Array) -> list[tuple[float, float]]:
