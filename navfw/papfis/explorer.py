@@ -207,8 +207,11 @@ class Explorer(Planner):
         if not candidates:
             final = [g for g in self._given_up if g.tries >= _TRIES]
             candidates = [f for f in frontiers if not any(g.covers(f) for g in final)]
-        away = [f for f in candidates if math.dist((f.x, f.y), at) >= _BLIND]
-        self._choice = self._chosen(away or candidates, ground, time)
+        last = self._choice.frontier if self._choice and self._pursuit else None
+        same = None if last is None else _nearest(candidates, (last.x, last.y))
+        away = [f for f in candidates if f is same or math.dist((f.x, f.y), at) >= _BLIND]
+        begins = self._driven < _BLIND  # all that is known so far is the floor below the robot
+        self._choice = self._chosen(candidates if begins and not away else away, ground, time)
         if self._choice is not None:
             frontier = self._choice.frontier
             end = Waypoint(frontier.x, frontier.y, 0.3, "frontier", "waypoint", final=False)
