@@ -35,7 +35,7 @@ _MIN_AHEAD = 0.4  # chosen
 _BLIND = 0.75  # chosen
 """Distance [m] from the robot up to which it does not look at a frontier: the camera hardly sees
 the floor there, and depth needs a few decimetres of driving."""
-_LOOK = 2.0  # chosen
+_LOOK = 0.6  # chosen
 """Time [s] without anything new after which a frontier that is so near is given up."""
 _TRIES = 2  # chosen
 """Times that a frontier is given up before it is for good; the robot comes from elsewhere then."""

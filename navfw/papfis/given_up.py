@@ -14,7 +14,7 @@ from navfw.papfis.known_ground import Frontier, KnownGround
 
 _NEARER = 0.2  # chosen
 """Length [m] by which the path to a frontier gets shorter, which is progress."""
-_SEEN = 0.15  # chosen
+_SEEN = 0.08  # chosen
 """Area [m^2] of floor seen for the first time, which is progress as well."""
 _COVERED = 0.8  # chosen
 """Distance [m] around a frontier that was given up in which others count as the same."""

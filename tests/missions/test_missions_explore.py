@@ -8,16 +8,15 @@ import numpy as np
 import pytest
 from cli_calls import refusal
 
-from navfw.config.lookup import find
+from navfw.config import find
 from navfw.errors import ConfigError, InputError
+from navfw.missions import prepare, run
 from navfw.missions.exploration_result import ReachableFloor
 from navfw.missions.missionfile import load_mission
-from navfw.missions.session_setup import prepare, run
 from navfw.missions.true_tour import TrueTour
 from navfw.robot import RobotModel
 from navfw.signals import GrownGrid, Pose
-from navfw.sim.scene_geometry import SceneGeometry
-from navfw.sim.worldfile import load_world
+from navfw.sim import SceneGeometry, load_world
 
 START = "start: [1.0, 1.0, 0.0]\n"
 
