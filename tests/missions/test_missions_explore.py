@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from cli_calls import refusal
 
+from navfw import run
 from navfw.config import find
 from navfw.errors import ConfigError, InputError
-from navfw.missions import prepare, run
+from navfw.missions import prepare
 from navfw.missions.exploration_result import ReachableFloor
 from navfw.missions.missionfile import load_mission
 from navfw.missions.true_tour import TrueTour
