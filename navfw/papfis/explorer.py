@@ -37,6 +37,9 @@ _BLIND = 0.75  # chosen
 the floor there, and depth needs a few decimetres of driving."""
 _LOOK = 0.6  # chosen
 """Time [s] without anything new after which a frontier that is so near is given up."""
+_TOO_NEAR = 0.5  # chosen
+"""Distance [m] at which it is given up in any case: a body that turns there touches what it did not
+see."""
 _TRIES = 2  # chosen
 """Times that a frontier is given up before it is for good; the robot comes from elsewhere then."""
 _REPLAN = 0.5  # chosen
@@ -230,8 +233,11 @@ class Explorer(Planner):
             return
         self._pursuit.update(time, now.length, ground.known_area)
         robot = (self._pose.x, self._pose.y) if self._pose else (now.x, now.y)
-        arrived = self._pursuit.begin >= _BLIND > math.dist((now.x, now.y), robot)
+        apart = math.dist((now.x, now.y), robot)
+        arrived = self._pursuit.begin >= _BLIND > apart
         patience = _LOOK if arrived else self.params.patience
+        if arrived and apart < _TOO_NEAR:
+            patience = 0.0
         if self._pursuit.idle(time) >= patience:
             before_that = [g for g in self._given_up if g.covers(now)]
             tries = 1 + max((g.tries for g in before_that), default=0)
