@@ -169,7 +169,7 @@ _GAP_AHEAD, _MOVER_NEAR = 1.0, 1.5  # chosen
 """Distances [m] of the gap at most, and of moving obstacles for which the body waits."""
 _GIVEN_UP, _GAP_PRICE = 0.3, 8.0  # chosen
 """Radius [m] around a gap that was given up, and extra price of the cells there."""
-_WIDER, _MOST_GAPS = 0.05, 8  # chosen
+_WIDER, _MAX_GAPS = 0.05, 8  # chosen
 """Clearance [m] by which a gap that was given up has become wider, and the number of them kept."""
 
 
@@ -317,7 +317,7 @@ class LocalPlanner:
         rooms = [room(*point) for point in ahead]
         if ahead and min(rooms) < occupancy.robot.radius + self.params.clear:
             narrowest = rooms.index(min(rooms))
-            self._gaps = [*self._gaps, (*ahead[narrowest], rooms[narrowest])][-_MOST_GAPS:]
+            self._gaps = [*self._gaps, (*ahead[narrowest], rooms[narrowest])][-_MAX_GAPS:]
 
     def _path(
         self,

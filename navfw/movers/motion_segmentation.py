@@ -48,9 +48,9 @@ _NEARER, _NEARER_GATE = 1.25, 3.0  # chosen
 factor is beyond _FLOOR_TOLERANCE, within which the lowest cells of an object pass for floor."""
 _FLOOR_TOLERANCE = 0.2  # chosen
 """Relative difference from the floor's nearness up to which a cell is the floor."""
-_COLUMN_CELLS, _COLUMN_GATE, _COLUMNS_GATE = 2, 2.0, 5.0  # chosen
-"""Least number of cells of a column above the horizon, and deviations of a column, and of adjacent
-ones together, from which their cells cross their epipolar lines [sigma]."""
+_COLUMN_CELLS, _COLUMN_GATE, _COLUMNS_GATE = 3, 2.0, 5.0  # chosen
+"""Least number of cells of a column above the horizon (two cannot disagree enough), and deviations
+of a column, and of adjacent ones together, from which their cells cross epipolar lines [sigma]."""
 _VERTICAL = np.array([0.0, 1.0, 0.0])  # defined
 """The axis of yaw, in the axes of a level camera."""
 
