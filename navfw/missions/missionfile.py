@@ -198,7 +198,8 @@ def mission_to(
     else:
         name, goal = f"{to.goal[0]:g},{to.goal[1]:g}", {"x": to.goal[0], "y": to.goal[1]}
     task: dict[str, Any] = {"goals": [goal], "timeout": 900.0}
-    task["description"] = f"To {name} from the start of"
+    shown = name if isinstance(goal, str) else f"({name.replace(',', ', ')})"
+    task["description"] = f"To {shown} from the start of"
     if to.topo_map is not None:
         file = Path(to.topo_map)
         task["map"] = str(file.absolute()) if file.is_file() else to.topo_map

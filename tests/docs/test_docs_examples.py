@@ -163,6 +163,9 @@ def test_worlds_missions_stacks_and_values_of_commands_exist(page: Path) -> None
             x, y = map(float, words[3].split(","))
             prepare(world, (x, y))
             continue
+        if mission.startswith("--"):  # to explore, and to drive on the map made so
+            prepare(world, None)
+            continue
         options = list(itertools.pairwise(words[3:]))
         overrides = [value for option, value in options if option == "--set"]
         stack = next((value for option, value in options if option == "--stack"), "default")

@@ -9,13 +9,13 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 LIMITS = {
-    "navfw/, lines of Python": 70137,
+    "navfw/, lines of Python": 70138,
     "navfw/, lines of stubs": 264,
     "navfw/, lines of scripts, pages, styles and templates": 1774,
     "behaviors/, lines of Python": 1571,
     "examples/, lines of Python": 647,
     "benchmarks/, lines of Python, pages and stubs": 7310,
-    "tests/, lines of Python": 46455,
+    "tests/, lines of Python": 46458,
     "docs/, words": 44938,
     "README.md, words": 900,
     "pyproject.toml, lines": 304,
