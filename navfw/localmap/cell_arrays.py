@@ -1,4 +1,4 @@
-"""Arrays of square cells: discs, distances, and grids that are shifted by whole cells."""
+"""Arrays of square cells: discs, distances, bounds, spots; grids shifted by whole cells."""
 
 from __future__ import annotations
 
@@ -47,3 +47,23 @@ def clipped_cells(
     inside = np.all((cells >= 0) & (cells < size), axis=-1)
     columns, rows = np.moveaxis(np.clip(cells, 0, size - 1), -1, 0)
     return (rows, columns), inside
+
+
+def bounds(mask: Mask) -> tuple[slice, slice]:
+    """Return the rows and columns that hold all cells of ``mask``; one cell if there is none."""
+    if not mask.any():
+        return slice(0, 1), slice(0, 1)
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
+
+
+def small_spots(mask: Mask, largest: float, connectivity: int) -> tuple[Indices, Mask]:
+    """Find the connected spots of ``mask`` (rows, columns) of up to ``largest`` cells.
+
+    Returns each cell's number of its spot, 0 outside the mask, and which numbers (n,) are small.
+    """
+    cells = mask.view(np.uint8)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(cells, connectivity=connectivity)
+    small: Mask = stats[:, cv2.CC_STAT_AREA] <= largest
+    small[0] = False
+    return np.asarray(labels, dtype=np.intp), small

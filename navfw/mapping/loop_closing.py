@@ -13,6 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from navfw.egomotion.pairing import yaw_rotation
 from navfw.localization.plan_field import PlanScan
 from navfw.mapping.evidence_grid import KeyPose
 from navfw.mapping.matching import LocalPlan, SubmapMatch, free_ground
@@ -224,7 +225,6 @@ def relation_of(
     away = [math.dist((keys[i].pose.x, keys[i].pose.y), at) for i in earlier]
     first = earlier[int(np.argmin(away))]
     seen_from = keys[first].pose
-    c, s = math.cos(seen_from.yaw), math.sin(seen_from.yaw)
-    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    turn = yaw_rotation(seen_from.yaw)
     information = product(turn.T, _CAUTION * match.information, turn)
     return Relation(first, second, seen_from.relative(match.pose), information)

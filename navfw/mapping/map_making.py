@@ -7,7 +7,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from navfw.localmap.cell_arrays import cell_disc, distances
+from navfw.localmap.cell_arrays import cell_disc, distances, small_spots
 from navfw.mapping.matching import plan_of
 from navfw.mapping.sharpening import sharpened
 from navfw.numerics import Array, Mask
@@ -51,9 +51,7 @@ def cleaned_grid(grid: GrownGrid) -> GrownGrid:
 
 def _dots(evidence: Evidence, occupied: Mask) -> Mask:
     """Return the occupied cells of spots that are small, and not sure."""
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(occupied.view(np.uint8), connectivity=8)
-    small = stats[:, cv2.CC_STAT_AREA] <= _DOT
-    small[0] = False
+    labels, small = small_spots(occupied, _DOT, 8)
     small[labels[evidence >= _SURE]] = False
     dots: Mask = small[labels]
     return dots
@@ -64,9 +62,7 @@ def _specks(unseen: Mask, occupied: Mask, largest: float) -> Mask:
 
     Beside something occupied they may be a part of a wall that was not seen.
     """
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(unseen.view(np.uint8), connectivity=4)
-    small = stats[:, cv2.CC_STAT_AREA] <= largest
-    small[0] = False
+    labels, small = small_spots(unseen, largest, 4)
     beside = cv2.dilate(occupied.view(np.uint8), np.ones((3, 3), np.uint8)) > 0
     small[labels[beside]] = False
     specks: Mask = small[labels]

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from navfw.localmap import LocalMap
-from navfw.localmap.cell_arrays import shifted
+from navfw.localmap.cell_arrays import bounds, shifted
 from navfw.localmap.low_layer import with_low_things
 from navfw.localmap.occupancy_grid import OccupancyParams
 from navfw.numerics import Array, Mask
@@ -86,7 +86,7 @@ class SubmapCutter:
             cv2.circle(evidence, (column, row), round(radius / grid.params.cell), value, cv2.FILLED)
         weak = (evidence > FREE_BELOW) & (evidence < OCCUPIED_FROM)
         evidence[weak] = 0.0
-        rows, columns = _bounds(evidence != 0.0)
+        rows, columns = bounds(evidence != 0.0)
         x, y = grid.origin
         corner = x + columns.start * grid.params.cell, y + rows.start * grid.params.cell
         kept = evidence[rows, columns].astype(np.int8)
@@ -102,11 +102,3 @@ class SubmapCutter:
         moved = [round((now - was) / p.cell) for now, was in zip(origin, at, strict=True)]
         decayed = shifted(before, *moved) * math.exp((then - time) / p.decay)
         return np.asarray(np.abs(log_odds - decayed) > _CHANGED)
-
-
-def _bounds(mask: Mask) -> tuple[slice, slice]:
-    """Return the rows and columns that hold all cells of ``mask``; one cell if there is none."""
-    if not mask.any():
-        return slice(0, 1), slice(0, 1)
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)

@@ -248,8 +248,7 @@ class Explorer(Planner):
     def _why(self) -> str:
         """Say why the frontier ahead is given up, by the last report on the leg to it."""
         status = dict(self._report.passages) if self._report is not None else {}
-        closed = "closed" in status.values()
-        if closed:
+        if "closed" in status.values():
             return "the way there is too narrow or blocked"
         return "nothing can be seen there"
 

@@ -9,7 +9,7 @@ from typing import Self
 import cv2
 import numpy as np
 
-from navfw.localmap.cell_arrays import distances
+from navfw.localmap.cell_arrays import bounds, distances, small_spots
 from navfw.localmap.cost_kernels import cost_to_go, price_cells
 from navfw.numerics import Array, Mask
 from navfw.numerics.arrays import Indices
@@ -78,13 +78,8 @@ class KnownGround:
     @classmethod
     def of(cls, grid: GrownGrid, robot: RobotModel, at: Point) -> Self:
         """Make the ground of ``grid`` for a robot ``at`` (x, y) [m]."""
-        seen = np.flatnonzero((grid.log_odds != 0).any(axis=1))
-        across = np.flatnonzero((grid.log_odds != 0).any(axis=0))
+        rows, columns = bounds(grid.log_odds != 0)
         border = round(_BORDER / grid.cell)
-        if seen.size:
-            rows, columns = (slice(int(k[0]), int(k[-1]) + 1) for k in (seen, across))
-        else:
-            rows = columns = slice(0, 1)
         free, occupied = (
             np.pad(mask[rows, columns], border) for mask in (grid.free, grid.occupied)
         )
@@ -214,9 +209,7 @@ def without_specks(free: Mask, occupied: Mask, largest: float) -> Mask:
     """Return the ``free`` cells with the gaps between rays, and unseen specks amid them, filled."""
     closed = cv2.morphologyEx(free.view(np.uint8), cv2.MORPH_CLOSE, _GAPS)
     unseen = (closed == 0) & ~occupied
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(unseen.view(np.uint8), connectivity=4)
-    small = stats[:, cv2.CC_STAT_AREA] <= largest
-    small[0] = False
+    labels, small = small_spots(unseen, largest, 4)
     filled: Mask = ((closed > 0) | small[labels]) & ~occupied
     return filled
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -105,7 +105,7 @@ def teach(
                 report(f"{folder.name}: overlap")
                 used = join(whole, growing)
             joined = joined or used
-            parts.append(_with_use(part, used))
+            parts.append(replace(part, used=used))
         if number and not joined:
             raise InputError(
                 f"does not certainly overlap with {folders[0]}, so both cannot become one map; "
@@ -119,10 +119,6 @@ def teach(
     for time, place in named:
         topo_map = _with_place(topo_map, place, _pose_at(whole, time), robot.radius + MARGIN)
     return TaughtMap(topo_map, tuple(parts), whole.loops.closed, whole.loops.undecided)
-
-
-def _with_use(part: TaughtPart, used: bool) -> TaughtPart:
-    return TaughtPart(part.file, part.begin, part.end, part.why, part.path, used)
 
 
 def _grown(folder: Path, report: ProgressCallback) -> Iterator[tuple[GrowingMap, TaughtPart]]:
@@ -257,7 +253,7 @@ def _with_place(topo_map: TopoMap, name: str, pose: Pose, need: float) -> TopoMa
     at = round(pose.x, 2), round(pose.y, 2)
     order = topo_map.place_distances(*at).argsort(kind="stable").tolist()
     near = [list(topo_map.places.values())[i] for i in order]
-    near = [place for place in near if place.kind not in {"danger"}]
+    near = [place for place in near if place.kind != "danger"]
     sight = [p for p in near if grid.along(at, (p.x, p.y)) >= min(need, grid.at(*at)) - 0.03]
     place, passages = Place(name, *at), []
     for other in (sight or near)[:2]:

@@ -10,7 +10,7 @@ from navfw.guard.guarded_stages import GuardedPlanner
 from navfw.localmap import LocalMap
 from navfw.mapping import GrowingMap
 from navfw.robot import RobotModel
-from navfw.signals import Belief, GrownGrid, OccupiedDisc, Odometry, Percept, Pose
+from navfw.signals import Belief, OccupiedDisc, Odometry, Percept, Pose
 
 _INTERVAL = 0.5  # chosen
 """Time [s] between two grids for the planner."""
@@ -27,13 +27,13 @@ class MapGrowth:
         """Begin an empty map in whose frame the robot is at ``pose``, by default the origin."""
         if self.growing_map is not None:
             self.growing_map.reset(pose)
-        self._made = -math.inf
-        self._grid: GrownGrid | None = None
+        self._due_since = -math.inf
+        self._due = False
 
     def corrected(self, belief: Belief, odometry: Odometry) -> Belief:
         """Return ``belief`` with its pose corrected as the map was, up to the last frame."""
         growing = self.growing_map
-        if growing is None or belief.lost or self._made == -math.inf:
+        if growing is None or belief.lost or self._due_since == -math.inf:
             return belief
         return replace(belief, pose=growing.correction.compose(odometry.pose))
 
@@ -52,12 +52,11 @@ class MapGrowth:
         if self.growing_map is None:
             return
         self.growing_map.update(odometry, local_map, moving, percept, seen_from)
-        if odometry.time - self._made >= _INTERVAL - 1e-6:
-            self._made = odometry.time
-            self._grid = self.growing_map.grid
+        if odometry.time - self._due_since >= _INTERVAL - 1e-6:
+            self._due_since, self._due = odometry.time, True
 
     def hand_over(self, planner: GuardedPlanner) -> None:
-        """Give ``planner`` the grid that was made at an earlier frame, if it is new."""
-        grid, self._grid = self._grid, None
-        if grid is not None:
-            planner.observe_grid(grid)
+        """Give ``planner`` the grid of the frame before, if one is due."""
+        if self.growing_map is not None and self._due:
+            self._due = False
+            planner.observe_grid(self.growing_map.grid)

@@ -236,8 +236,6 @@ class Stack:
         """Perceive, localise, plan and decide; the result is the new state."""
         seen_from = self._corrected(self.history.at(frame.time))
         view, detections = self._perceive(reading, frame, seen_from)
-        for correction in view.yaw_corrections:
-            (self.floor_odometry or self.odometer).correct(correction)
         belief = self._localize(odometry, view.percept, detections)
         waypoint = self._plan(belief)
         finished = waypoint is None and not belief.lost
@@ -293,13 +291,15 @@ class Stack:
     def _perceive(
         self, reading: SensorReading, frame: Frame, odometry: Odometry
     ) -> tuple[View, tuple[LandmarkDetection, ...]]:
-        """Flow, OFFIS, moving objects and landmarks; nothing from an invalid frame.
+        """Flow, OFFIS, moving objects, landmarks, the odometry's yaw; nothing from invalid frames.
 
         A frozen image has no flow, which would mean that everything is far away.
         """
         if not self.safety.senses.seeing:
             return View(), ()
         view = self.vision.process(frame, odometry)
+        for correction in view.yaw_corrections:
+            (self.floor_odometry or self.odometer).correct(correction)
         shown = reading.landmark_frame if self.features.plugin.landmark_frames else reading.frame
         if shown is None:
             return view, ()
@@ -340,26 +340,33 @@ class Stack:
 
         While no behaviour handles moving obstacles, the local map counts them as occupied.
         """
+        occupied = self._observe(frame, view, odometry, seen_from)
+        if self.known_walls is not None:
+            walls = self.known_walls.around(belief, odometry.pose)
+            self.local_map.occupancy.set_walls(walls)
+        self._percept = view.percept or self._percept
+        self._flow = view.flows[-1] if view.flows else self._flow
+        if self.mofis.handles_moving_obstacles:
+            self.local_map.set_obstacles(())
+            return occupied
+        self.local_map.set_obstacles(occupied)
+        return ()
+
+    def _observe(
+        self, frame: Frame, view: View, odometry: Odometry, seen_from: Pose
+    ) -> tuple[OccupiedDisc, ...]:
+        """Take the ``view`` into local map, tracks and growing map; return the tracks' discs."""
         with timed(self.timings, "motion"):
             if self.safety.senses.seeing:
                 self.local_map.sight.observe_image(frame.image)
             self.local_map.update(odometry, view.percepts, view.stixels, seen_from, view.low_things)
-            if self.known_walls is not None:
-                walls = self.known_walls.around(belief, odometry.pose)
-                self.local_map.occupancy.set_walls(walls)
-        self._percept = view.percept or self._percept
-        self._flow = view.flows[-1] if view.flows else self._flow
         with timed(self.timings, "movers"):
             self.tracker.update(view.moving_objects, seen_from)
             self.tracker.prune(odometry.time, odometry.pose, self.local_map.occupancy.occupied_at)
             occupied = self.tracker.occupied_discs(odometry.time)
             self.local_map.forget_track(occupied)
         self.growth.update(odometry, self.local_map, occupied, view.percept, seen_from)
-        if self.mofis.handles_moving_obstacles:
-            self.local_map.set_obstacles(())
-            return occupied
-        self.local_map.set_obstacles(occupied)
-        return ()
+        return occupied
 
     def _inputs(
         self,
