@@ -7,15 +7,16 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
+from navfw.errors import InputError
 from navfw.localmap.cell_arrays import cell_disc, distances, small_spots
 from navfw.mapping.matching import plan_of
 from navfw.mapping.sharpening import sharpened
 from navfw.numerics import Array, Mask
-from navfw.signals import GrownGrid
+from navfw.signals import GrownGrid, Pose
 from navfw.signals.grown_grid import FREE_BELOW, Evidence
-from navfw.topomap import TopoMap
+from navfw.topomap import Passage, Place, TopoMap
 from navfw.topomap.clearance_grid import ClearanceGrid
-from navfw.topomap.map_builder import build_map
+from navfw.topomap.map_builder import MARGIN, build_map
 from navfw.topomap.occupancy_map import OccupancyMap
 
 _SPECK = 0.06  # chosen
@@ -109,3 +110,36 @@ def _with_dangers(topo_map: TopoMap, drops: Array) -> TopoMap:
     ]
     passages = [replace(p, danger=1.0) if p.ends in near else p for p in topo_map.passages]
     return TopoMap(topo_map.name, topo_map.places.values(), passages)
+
+
+def with_place(topo_map: TopoMap, name: str, pose: Pose, radius: float) -> TopoMap:
+    """Return the map with a place ``name`` at ``pose``, and passages to the nearest in sight.
+
+    The map is one for a robot of ``radius`` [m].
+
+    Raises:
+        InputError: the map has such a place already, or no floor plan.
+
+    """
+    if name in topo_map.places:
+        raise InputError(f"the map has a place {name!r} already; choose another name", key="--name")
+    plan = topo_map.floor_plan
+    if plan is None:
+        raise InputError("the map has no floor plan", key="--name")
+    grid, need = clearances_of(plan, radius), radius + MARGIN
+    at = round(pose.x, 2), round(pose.y, 2)
+    order = topo_map.place_distances(*at).argsort(kind="stable").tolist()
+    near = [list(topo_map.places.values())[i] for i in order]
+    near = [place for place in near if place.kind != "danger"]
+    sight = [p for p in near if grid.along(at, (p.x, p.y)) >= min(need, grid.at(*at)) - 0.03]
+    place, passages = Place(name, *at), []
+    for other in (sight or near)[:2]:
+        length, width = other.distance(*at), 2.0 * grid.along(at, (other.x, other.y))
+        passages.append(Passage(name, other.name, max(length, 0.01), max(width, 0.05)))
+    return TopoMap(
+        topo_map.name,
+        [*topo_map.places.values(), place],
+        [*topo_map.passages, *passages],
+        landmarks=topo_map.landmarks.values(),
+        floor_plan=plan,
+    )

@@ -17,7 +17,7 @@ import numpy as np
 from navfw.config.lookup import find
 from navfw.config.yamlfile import rewording
 from navfw.errors import ConfigError, InputError
-from navfw.mapping import GrowingMap, clearances_of, join, made_map
+from navfw.mapping import GrowingMap, join, made_map, with_place
 from navfw.plugins import default_registry
 from navfw.process.work_progress import ProgressCallback, silent
 from navfw.recording.recorded_run import recording_in
@@ -26,8 +26,7 @@ from navfw.recording.run_replay import RecordedMission, load_recording
 from navfw.robot import RobotModel
 from navfw.signals import Pose, SensorReading
 from navfw.stack import MappingStack
-from navfw.topomap import Passage, Place, TopoMap
-from navfw.topomap.map_builder import MARGIN
+from navfw.topomap import Place, TopoMap
 
 STACK = "explore"
 """The stack whose perceiving half makes the map."""
@@ -117,7 +116,7 @@ def teach(
     report("map")
     topo_map = made_map(name, whole.grid, robot.radius, whole.drops)
     for time, place in named:
-        topo_map = _with_place(topo_map, place, _pose_at(whole, time), robot.radius + MARGIN)
+        topo_map = with_place(topo_map, place, _pose_at(whole, time), robot.radius)
     return TaughtMap(topo_map, tuple(parts), whole.loops.closed, whole.loops.undecided)
 
 
@@ -240,29 +239,3 @@ def _pose_at(growing: GrowingMap, time: float) -> Pose:
             f"expected a time within the drive's {last:.0f} s, got {time:g}", key="--name"
         )
     return growing.keys[nearest].pose
-
-
-def _with_place(topo_map: TopoMap, name: str, pose: Pose, need: float) -> TopoMap:
-    """The map with a place ``name`` at ``pose``, and passages to the nearest places in sight."""
-    if name in topo_map.places:
-        raise InputError(f"the map has a place {name!r} already; choose another name", key="--name")
-    plan = topo_map.floor_plan
-    if plan is None:
-        raise InputError("the map has no floor plan", key="--name")
-    grid = clearances_of(plan, need - MARGIN)
-    at = round(pose.x, 2), round(pose.y, 2)
-    order = topo_map.place_distances(*at).argsort(kind="stable").tolist()
-    near = [list(topo_map.places.values())[i] for i in order]
-    near = [place for place in near if place.kind != "danger"]
-    sight = [p for p in near if grid.along(at, (p.x, p.y)) >= min(need, grid.at(*at)) - 0.03]
-    place, passages = Place(name, *at), []
-    for other in (sight or near)[:2]:
-        length, width = other.distance(*at), 2.0 * grid.along(at, (other.x, other.y))
-        passages.append(Passage(name, other.name, max(length, 0.01), max(width, 0.05)))
-    return TopoMap(
-        topo_map.name,
-        [*topo_map.places.values(), place],
-        [*topo_map.passages, *passages],
-        landmarks=topo_map.landmarks.values(),
-        floor_plan=plan,
-    )
