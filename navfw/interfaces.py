@@ -163,8 +163,13 @@ class Planner(Plugin):
     def observe(self, report: PassageReport) -> None:
         """Process the reported status of the ``queries``; called before ``update``."""
 
+    @property
+    def wants_grid(self) -> bool:
+        """Whether ``observe_grid`` is to get what was observed so far, twice a second."""
+        return False
+
     def observe_grid(self, grid: GrownGrid) -> None:
-        """Process what was observed so far (stacks with ``growing_map``), before ``update``."""
+        """Process what was observed so far, before ``update``."""
 
     @property
     def no_route_reason(self) -> str | None:

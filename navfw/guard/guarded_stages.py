@@ -149,6 +149,11 @@ class GuardedPlanner(GuardedStage[interfaces.Planner]):
         """Hand over the status of passages."""
         self._attempt(self.plugin.observe, report, check=nothing)
 
+    @property
+    def wants_grid(self) -> bool:
+        """Whether the planner wants what was observed so far."""
+        return self._attempt(lambda: self.plugin.wants_grid, check=answers.check_wish) or False
+
     def observe_grid(self, grid: GrownGrid) -> None:
         """Hand over what was observed so far."""
         self._attempt(self.plugin.observe_grid, grid, check=nothing)

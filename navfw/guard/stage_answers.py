@@ -168,6 +168,11 @@ def _query(answer: PassageQuery) -> PassageQuery:
     return _checked(answer, PassageQuery)
 
 
+def check_wish(answer: object) -> bool:
+    """Whether a planner wants the grid."""
+    return answers.instance(answer, bool, "wants_grid")
+
+
 def check_reason(answer: Any) -> str | None:
     """A planner's reason why there is no route; None while there is one."""
     return None if answer is None else answers.text(answer, "no_route_reason")

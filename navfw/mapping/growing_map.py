@@ -100,17 +100,22 @@ class GrowingMap:
         moving: Sequence[OccupiedDisc] = (),
         percept: Percept | None = None,
         seen_from: Pose | None = None,
+        placed: Pose | None = None,
     ) -> bool:
         """Take in a camera frame, after ``local_map`` has; return whether a key pose was added.
 
         What was observed under ``moving`` obstacles (odom) is left out. ``percept``, seen from odom
         pose ``seen_from``, shows the surfaces by which the robot recognises earlier ground.
+        ``placed`` is the pose in ``map`` by a localiser, if there is one.
         """
         last, self._odometry = self._odometry, odometry
         self._local_map, self._moving = local_map, moving
         if last is None:
             self.correction = self._start.frame_of(odometry.pose)
             self._grid = EvidenceGrid(local_map.occupancy.params.cell)
+        if placed is not None:
+            self.correction = placed.frame_of(odometry.pose)
+        if last is None:
             return False
         step = last.pose.relative(odometry.pose)
         self._path += math.hypot(step.x, step.y)
@@ -210,6 +215,11 @@ class GrowingMap:
             self._grid.renew(self.keys, changed)
 
     # --- reading ---------------------------------------------------------------------------------
+
+    @property
+    def begun(self) -> bool:
+        """Whether there was an ``update``."""
+        return self._odometry is not None
 
     @property
     def pose(self) -> Pose:

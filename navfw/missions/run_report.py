@@ -180,7 +180,7 @@ def draw_trajectory(result: MissionResult, path: Path) -> None:
     frame = (0.05, _BELOW / inches, 0.92, 1.0 - (_BELOW + above) / inches)
     figure, axes = plan_picture.plan_axes((wide, inches), frame, low, high)
     growing = result.session.stack.growth.growing_map
-    if result.exploration is not None and growing is not None:
+    if result.exploration is not None:
         plan_picture.draw_grown_grid(axes, growing.grid, zorder=2.5)
     places = np.array([(place.x, place.y) for place in mission.topo_map.places.values()])
     marks = top_view.Marks(places.reshape(-1, 2), _PLACES)

@@ -328,7 +328,7 @@ class MissionResult(RunResult):
 
         """
         growing = self.session.stack.growth.growing_map
-        if growing is None or not growing.keys:
+        if self.exploration is None or not growing.keys:
             raise InputError("nothing was explored, so there is no map of it")
         radius = self.session.mission.spec.robot.radius
         return made_map(Path(name).stem, growing.grid, radius, growing.drops)
@@ -359,7 +359,7 @@ def _exploration(
 ) -> ExplorationResult | None:
     """What an exploration observed; None for another mission, or before the first tick."""
     spec, growing = session.mission.spec, session.stack.growth.growing_map
-    if spec.explore is None or growing is None or not log.ticks:
+    if spec.explore is None or not log.ticks:
         return None
     growing.finish()
     if not growing.keys:

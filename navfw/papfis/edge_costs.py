@@ -14,7 +14,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -63,7 +63,7 @@ class EdgeCosts:
         self._fis, peaks = _inference()
         self._result = self._fis.evaluate(self._inputs)
         self._peaks = peaks
-        self._params = params
+        self.params = params
         self._penalties, self._avoided = _penalties(self._result, peaks)
         self._revised: dict[int, Inference] = {}
         self._barriers: dict[int, float | None] = {}
@@ -106,6 +106,12 @@ class EdgeCosts:
         self._penalties[index], self._avoided[index] = penalty[0], avoided[0]
         self._update_cost(index)
 
+    def as_revised(self, passage: Passage) -> Passage:
+        """Return ``passage`` with the inputs that were revised."""
+        index = self._index[passage.ends]
+        danger, uncertainty = (float(self._inputs[k][index]) for k in ("danger", "uncertainty"))
+        return replace(passage, danger=danger, uncertainty=uncertainty)
+
     def barrier(self, passage: Passage) -> float | None:
         """Return where a closed passage is blocked [m from its place ``a``]; None if unknown."""
         return self._barriers.get(self._index[passage.ends])
@@ -121,7 +127,7 @@ class EdgeCosts:
         )
 
     def _factors(self, index: int | slice = slice(None)) -> Array:
-        p = self._params
+        p = self.params
         penalties, avoided = self._penalties[index], self._avoided[index]
         return np.asarray(1.0 + p.aversion * penalties + p.avoidance * avoided)
 

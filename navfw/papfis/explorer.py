@@ -19,7 +19,7 @@ from navfw.interfaces import Planner
 from navfw.numerics import Array
 from navfw.papfis.frontier_choice import INPUTS, RULE_BASE, FrontierRules, inputs_of
 from navfw.papfis.given_up import GivenUp, Pursuit, narrow_passages
-from navfw.papfis.known_ground import Frontier, KnownGround
+from navfw.papfis.known_ground import Frontier, KnownGround, steady
 from navfw.signals import Belief, GrownGrid, PassageQuery, PassageReport, Pose, Waypoint
 from navfw.topomap import TopoMap
 
@@ -27,11 +27,6 @@ Point = tuple[float, float]
 
 _SAME = 0.7  # chosen
 """Distance [m] by which a frontier may move between two plans and still be the same."""
-_HELD = 0.3  # chosen
-"""Distance [m] up to which a new waypoint is dropped for the old one, which keeps MOFIS' watch on
-progress and the local planner's path."""
-_MIN_AHEAD = 0.4  # chosen
-"""Least distance [m] of the waypoint, but at the end of the path: the robot is not at it yet."""
 _BLIND = 0.75  # chosen
 """Distance [m] from the robot up to which it does not look at a frontier: the camera hardly sees
 the floor there, and depth needs a few decimetres of driving."""
@@ -44,8 +39,6 @@ _TRIES = 2  # chosen
 """Times that a frontier is given up before it is for good; the robot comes from elsewhere then."""
 _REPLAN = 0.5  # chosen
 """Time [s] between two plans: the robot moves by a few cells."""
-_PRICE = 2.0  # chosen
-"""Price of a cell up to which a straight line may cut through it."""
 _AHEAD = 1.0  # chosen
 """Distance [m] of the waypoint straight ahead, as long as there is no grid."""
 _SLOW, _USUAL = 0.08, 0.3  # chosen
@@ -149,6 +142,11 @@ class Explorer(Planner):
     def start(self, topo_map: TopoMap, goals: Sequence[Waypoint]) -> None:
         """Start an exploration that ends at the last of ``goals``, or where it begins."""
         self._goal = goals[-1] if goals else None
+
+    @property
+    def wants_grid(self) -> bool:
+        """Always: frontiers are on the grid."""
+        return True
 
     def observe_grid(self, grid: GrownGrid) -> None:
         """Keep what was observed so far; the next plan is made on it."""
@@ -305,36 +303,13 @@ class Explorer(Planner):
         """Set the waypoint: the farthest point of the path to ``end`` in a straight line."""
         path = ground.path_to(costs, end.x, end.y)
         self._no_route = None if len(path) else f"no known floor leads back to {end.label}"
-        corners, last, index = list[Waypoint](), at, 0
         points = [*map(tuple, path.tolist()), (end.x, end.y)]
-        while index < len(points) - 1:
-            index = self._farthest(ground, points, index, last)
-            last = points[index]
-            corners.append(replace(end, x=last[0], y=last[1], kind="waypoint", final=False))
+        corners = [
+            replace(end, x=x, y=y, kind="waypoint", final=False)
+            for x, y in ground.corners(points, at, self.params.lookahead)
+        ]
         self._way = [*corners[:-1], end]
-        ahead, before = self._way[0], self._waypoint
-        held = before is not None and not (before.final or ahead.final)
-        if held and before is not None:
-            moved = math.dist((ahead.x, ahead.y), (before.x, before.y))
-            held = moved < _HELD and math.dist((before.x, before.y), at) > _MIN_AHEAD
-        self._waypoint = before if held else ahead
-
-    def _farthest(self, ground: KnownGround, points: list[Point], begin: int, at: Point) -> int:
-        """Return the last of the ``points`` of a path that a straight line from ``at`` reaches.
-
-        The line costs no more than the path, or than _PRICE; the point is not at ``at`` itself.
-        """
-        last = len(points) - 1
-        best, dearest = 0, _PRICE
-        for ahead in range(begin + 1, len(points)):
-            away = math.dist(at, points[ahead])
-            if best and away > self.params.lookahead:
-                break
-            price = ground.price_at(*points[ahead])
-            dearest = max(dearest, price if math.isfinite(price) else _PRICE)
-            if away >= _MIN_AHEAD and (not best or ground.sees(at, points[ahead], dearest)):
-                best = ahead
-        return best or last
+        self._waypoint = steady(self._waypoint, self._way[0], at)
 
     # --- what others read ------------------------------------------------------------------------
 

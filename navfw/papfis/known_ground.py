@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Protocol, Self
 
 import cv2
 import numpy as np
@@ -15,7 +16,7 @@ from navfw.numerics import Array, Mask
 from navfw.numerics.arrays import Indices
 from navfw.papfis.frontier_kernels import free_line, steepest_path, unseen_in_view
 from navfw.robot import RobotModel
-from navfw.signals import GrownGrid
+from navfw.signals import GrownGrid, Waypoint
 
 Point = tuple[float, float]
 
@@ -41,6 +42,12 @@ _VIEW, _RAYS = 2.5, 48  # chosen
 the camera sees the floor about as far."""
 _SWEEPS = 400  # chosen
 """Largest number of sweeps of the search: a path through a maze turns often."""
+MIN_AHEAD = 0.4  # chosen
+"""Least distance [m] of a waypoint, but at the end of the path: the robot is not at it yet."""
+_HELD = 0.3  # chosen
+"""Distance [m] up to which a new waypoint is dropped for the old one."""
+_PRICE = 2.0  # chosen
+"""Price of a cell up to which a straight line may cut through it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +67,16 @@ class Frontier:
     first: Point
 
 
+class Hopes(Protocol):
+    """What unseen ground is taken for by a robot that searches a way over it."""
+
+    def corners(self, at: Point) -> Array:
+        """Return the corners (2, 2: x, y) [m] of the ground to search from ``at`` (x, y) [m]."""
+
+    def prices(self, points: Array, radius: float) -> Array:
+        """Return the prices (n,) of unseen cells at ``points`` (n, 2) [m] for a robot."""
+
+
 @dataclass(frozen=True, slots=True)
 class KnownGround:
     """A grown grid, reduced to cells of twice the size; all arrays are (rows, columns).
@@ -76,17 +93,21 @@ class KnownGround:
     occupied: Mask
 
     @classmethod
-    def of(cls, grid: GrownGrid, robot: RobotModel, at: Point) -> Self:
-        """Make the ground of ``grid`` for a robot ``at`` (x, y) [m]."""
-        rows, columns = bounds(grid.log_odds != 0)
-        border = round(_BORDER / grid.cell)
-        free, occupied = (
-            np.pad(mask[rows, columns], border) for mask in (grid.free, grid.occupied)
-        )
-        origin = (
-            grid.origin[0] + (columns.start - border) * grid.cell,
-            grid.origin[1] + (rows.start - border) * grid.cell,
-        )
+    def of(cls, grid: GrownGrid, robot: RobotModel, at: Point, hopes: Hopes | None = None) -> Self:
+        """Make the ground of ``grid`` for a robot ``at`` (x, y) [m].
+
+        With ``hopes`` unseen ground is passable too, at the prices that they give.
+        """
+        if hopes is None:
+            rows, columns = bounds(grid.log_odds != 0)
+            border = round(_BORDER / grid.cell)
+            low = np.array([rows.start, columns.start]) - border
+            high = np.array([rows.stop, columns.stop]) + border
+        else:
+            low, high = grid.cells_at(hopes.corners(at))
+        free, occupied = (_cut(mask, low, high) for mask in (grid.free, grid.occupied))
+        x0, y0 = (grid.centres(low[None])[0]).tolist()
+        origin = (x0, y0)
         known = without_specks(free, occupied, _SPECK / grid.cell**2)
         apart = distances(occupied, grid.cell, _FAR)
         everywhere = np.ones(known.shape, np.uint8)
@@ -100,7 +121,12 @@ class KnownGround:
         price[away <= cell] = np.minimum(price[away <= cell], _STANDING_PRICE)
         walls = cv2.dilate(occupied.view(np.uint8), _GAPS)[::2, ::2] > 0
         rim = apart[::2, ::2] - robot.radius
-        return cls(origin, cell, price, rim, ~known_half & ~walls, walls)
+        unseen = ~known_half & ~walls
+        if hopes is not None:
+            fits = unseen & (rim >= MARGIN)
+            cells = np.argwhere(fits)
+            price[fits] = hopes.prices(cells[:, ::-1] * cell + origin, robot.radius)
+        return cls(origin, cell, price, rim, unseen, walls)
 
     def index(self, x: float, y: float) -> tuple[int, int]:
         """Return (row, column) of the point (x, y) [m], within the grid."""
@@ -163,9 +189,29 @@ class KnownGround:
         ends = begin[::-1] / self.cell, last[::-1] / self.cell
         return bool(free_line(self.price, ends[0], ends[1], dearest))
 
-    def price_at(self, x: float, y: float) -> float:
-        """Return the price of the cell at the point (x, y) [m]."""
-        return float(self.price[self.index(x, y)])
+    def corners(self, points: Sequence[Point], at: Point, lookahead: float) -> list[Point]:
+        """Return the corners of a path through ``points``, straight between them, from ``at`` on.
+
+        Each is the farthest point, up to ``lookahead`` [m], that a straight line reaches. The line
+        costs no more than the path; no corner is where the robot is but the last point.
+        """
+        corners, index = [at], 0
+        while index < len(points) - 1:
+            index = self._farthest(points, index, corners[-1], lookahead)
+            corners.append(points[index])
+        return corners[1:]
+
+    def _farthest(self, points: Sequence[Point], begin: int, at: Point, lookahead: float) -> int:
+        best, dearest = 0, _PRICE
+        for ahead in range(begin + 1, len(points)):
+            away = math.dist(at, points[ahead])
+            if best and away > lookahead:
+                break
+            price = float(self.price[self.index(*points[ahead])])
+            dearest = max(dearest, price if math.isfinite(price) else _PRICE)
+            if away >= MIN_AHEAD and (not best or self.sees(at, points[ahead], dearest)):
+                best = ahead
+        return best or len(points) - 1
 
     def room_at(self, points: Array) -> Array:
         """Return the clearances (n,) [m] beside the body at ``points`` (n, 2) [m]."""
@@ -212,6 +258,28 @@ def without_specks(free: Mask, occupied: Mask, largest: float) -> Mask:
     labels, small = small_spots(unseen, largest, 4)
     filled: Mask = ((closed > 0) | small[labels]) & ~occupied
     return filled
+
+
+def steady(before: Waypoint | None, ahead: Waypoint, at: Point) -> Waypoint:
+    """Return ``before`` if the new waypoint ``ahead`` is hardly another; the robot is ``at``.
+
+    This keeps MOFIS' watch on progress, and the path of the local planner.
+    """
+    if before is None or before.final or ahead.final:
+        return ahead
+    moved = math.dist((ahead.x, ahead.y), (before.x, before.y))
+    near = math.dist((before.x, before.y), at) <= MIN_AHEAD
+    return ahead if near or moved >= _HELD else before
+
+
+def _cut(mask: Mask, low: Indices, high: Indices) -> Mask:
+    """Return the cells of ``mask`` from ``low`` to ``high`` (row, column); False outside it."""
+    out = np.zeros(high - low, dtype=np.bool_)
+    first, last = np.maximum(low, 0), np.minimum(high, mask.shape)
+    if (last > first).all():
+        (top, left), (bottom, right) = first - low, last - low
+        out[top:bottom, left:right] = mask[first[0] : last[0], first[1] : last[1]]
+    return out
 
 
 def _middle(cells: Indices) -> tuple[int, int]:

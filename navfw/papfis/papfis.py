@@ -13,8 +13,10 @@ from navfw.interfaces import Planner
 from navfw.papfis.edge_costs import CostParams
 from navfw.papfis.route_plan import RoutePlan
 from navfw.papfis.routes import Router
-from navfw.papfis.tour import PassingTolerances, Tour
-from navfw.signals import Belief, PassageQuery, PassageReport, PassageStatus, Waypoint
+from navfw.papfis.tour import Tour
+from navfw.papfis.way_search import Standstill, WaySearch, found_way
+from navfw.papfis.waypoints import PassingTolerances
+from navfw.signals import Belief, GrownGrid, PassageQuery, PassageReport, PassageStatus, Waypoint
 from navfw.topomap import Passage, TopoMap
 
 DOOR_PASSING = 0.25  # chosen
@@ -38,6 +40,9 @@ MAX_WIDTH = 2.0  # chosen
 
 _ROUNDING = 1e-6  # chosen
 """Tolerance [s] for report times that are multiples of the interval."""
+
+_STANDING = 25.0  # chosen
+"""Time [s] for which a robot stands before it closes the passage that it is on."""
 
 ChangedPassages = set[frozenset[str]]
 
@@ -107,11 +112,22 @@ class Blockages:
             return True
         if votes < CLOSING_VOTES:
             return False
-        passage = self._passage(ends)
+        self._close(ends, self._barrier(self._passage(ends), query), time)
+        return True
+
+    def close(self, ends: tuple[str, str], at: tuple[float, float], time: float) -> ChangedPassages:
+        """Close a passage in which the robot, ``at`` (x, y) [m], gets no further."""
+        passage = self._passage(frozenset(ends))
+        if passage.ends in self._until:
+            return set()
+        self._votes[passage.ends] = CLOSING_VOTES
+        self._close(passage.ends, self._along(passage, at), time)
+        return {passage.ends}
+
+    def _close(self, ends: frozenset[str], barrier: float, time: float) -> None:
         self._closings[ends] += 1
         self._until[ends] = time + self._closed_for * 2.0 ** (self._closings[ends] - 1)
-        self._router.close(passage, self._barrier(passage, query))
-        return True
+        self._router.close(self._passage(ends), barrier)
 
     def _open(self, ends: frozenset[str], votes: float) -> None:
         del self._until[ends]
@@ -227,10 +243,12 @@ class Papfis(Planner):
     _report: PassageReport | None = None
     _at: tuple[float, float] | None = None
     _tour: Tour | None = None
+    _search: WaySearch | None = None
+    _grid: GrownGrid | None = None
 
     def reset(self) -> None:
         """Return to the state before ``start``."""
-        self._tour = None
+        self._tour = self._search = self._grid = None
         self._blockages = None
         self._report = None
         self._at = None
@@ -249,6 +267,9 @@ class Papfis(Planner):
         )
         self._tour = Tour(router, goals, passing, p.replan_distance, p.max_off_map)
         self._blockages = Blockages(router, p.vote_interval, p.closed_for)
+        self._search = WaySearch(self.robot, topo_map.floor_plan)
+        self._standstill = Standstill(_STANDING)
+        self._found: list[str] = []
 
     def update(self, belief: Belief) -> Waypoint | None:
         """Return the waypoint to drive to from the believed pose; None past the last goal.
@@ -257,7 +278,7 @@ class Papfis(Planner):
             MapError: at the first call, if the map does not connect this position with the goal.
 
         """
-        if self._tour is None or self._blockages is None:
+        if self._tour is None or self._blockages is None or self._search is None:
             raise RuntimeError("start() comes before update()")
         self._at = (belief.pose.x, belief.pose.y)
         changed = self._blockages.expire(belief.time)
@@ -266,30 +287,86 @@ class Papfis(Planner):
             self._tour.pass_over(self._report.covered, self._at)
             self._tour.pull(self._report, self._at)
             self._report = None
+        ahead = self._tour.passage_ahead
+        if self._standstill.update(self._at, belief.time) and ahead and not self._search.waypoint:
+            changed |= self._blockages.close(ahead, self._at, belief.time)
         self._tour.replan_if_changed(self._at, changed)
         most = self.params.max_goal_sigma
-        return self._tour.next_waypoint(self._at, sure=most is None or belief.sigma <= most)
+        sure = most is None or belief.sigma <= most
+        before = self._tour.goal
+        waypoint = self._tour.next_waypoint(self._at, sure=sure)
+        goal = self._tour.goal
+        if goal is not before and self._search.waypoint is not None:
+            self._end_search(self._search, self._tour.router, self._at)
+        if self._grid is None or waypoint is None or goal is None:
+            return waypoint
+        return self._search_way(self._search, self._tour, goal, belief.time, sure) or waypoint
+
+    def _search_way(
+        self, search: WaySearch, tour: Tour, goal: Waypoint, time: float, sure: bool
+    ) -> Waypoint | None:
+        """Return where to head for on another way to ``goal``; None where the route is better."""
+        at, grid = self._at, self._grid
+        if at is None or grid is None:
+            return None
+        cost = math.inf if tour.route is None or tour.no_route_reason else tour.route.cost
+        arrived = math.dist(at, (goal.x, goal.y)) <= goal.tolerance and sure
+        if cost < math.inf and (arrived or search.cost >= cost or search.waypoint is None):
+            self._end_search(search, tour.router, at)
+            return None
+        search.update(grid, at, goal, time)
+        if arrived:
+            self._end_search(search, tour.router, at)
+            tour.arrive(at)
+            return tour.next_waypoint(at, sure=sure)
+        return search.waypoint
+
+    def _end_search(self, search: WaySearch, router: Router, at: tuple[float, float]) -> None:
+        """End the search; the way driven becomes a passage, if the map has no other one."""
+        track = [*search.track, at]
+        search.end()
+        self._grid = None
+        if (new := found_way(router, track, self.robot.radius)) is not None:
+            places, passages = new
+            router.extend(places, passages)
+            ways = (passages[0].a, passages[-1].b)
+            self._found.append(f"found a way from {ways[0]} to {ways[1]} that the map has not")
 
     def observe(self, report: PassageReport) -> None:
         """Keep the report on the ``queries``; the next ``update`` counts its votes."""
         self._report = report
 
+    def observe_grid(self, grid: GrownGrid) -> None:
+        """Keep what was observed so far: another way is searched on it."""
+        self._grid = grid
+
+    @property
+    def wants_grid(self) -> bool:
+        """Whether there is no route, or another way is being tried."""
+        return self._tour is not None and bool(self._tour.no_route_reason or self._on_search)
+
+    @property
+    def _on_search(self) -> Waypoint | None:
+        return None if self._search is None else self._search.waypoint
+
     @property
     def queries(self) -> Sequence[PassageQuery]:
         """Legs ahead, to be checked by the local map: those that begin within 6 m of path."""
-        if self._tour is None or self._at is None:
+        if self._tour is None or self._at is None or self._on_search:
             return ()
         return self._tour.queries(self._at)
 
     @property
     def no_route_reason(self) -> str | None:
         """A message that names the closed passages on the only route; None if there is a route."""
-        return None if self._tour is None else self._tour.no_route_reason
+        return None if self._tour is None or self._on_search else self._tour.no_route_reason
 
     @property
     def notes(self) -> str:
-        """Where doors were found, if not where the map has them."""
-        return "" if self._tour is None else "; ".join(self._tour.doors.notes.values())
+        """What was found to differ from the map: doors that have moved, and new ways."""
+        if self._tour is None:
+            return ""
+        return "; ".join([*self._tour.doors.notes.values(), *self._found])
 
     @property
     def closed(self) -> Sequence[Passage]:
@@ -299,6 +376,8 @@ class Papfis(Planner):
     @property
     def path(self) -> Sequence[Waypoint]:
         """All waypoints still ahead, next first, up to the last goal."""
+        if self._search is not None and self._search.waypoint is not None:
+            return self._search.path
         return () if self._tour is None else self._tour.path
 
     @property

@@ -16,7 +16,7 @@ from navfw.numerics.products import sum_in_order
 from navfw.papfis.access import OFF_PASSAGE_COST, Access, Doorways, find_access
 from navfw.papfis.edge_costs import CostParams, EdgeCosts
 from navfw.robot import RobotModel
-from navfw.topomap import Passage, PassageProjection, TopoMap
+from navfw.topomap import Passage, PassageProjection, Place, TopoMap
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +154,7 @@ class Router:
     def __init__(
         self, topo_map: TopoMap, robot: RobotModel, params: CostParams | None = None
     ) -> None:
-        self.topo_map = topo_map
+        self.topo_map, self._robot = topo_map, robot
         self.costs = EdgeCosts(topo_map, robot, params)
         self._graph = CostGraph(topo_map, self.costs.values)
         self._doorways = Doorways(topo_map)
@@ -227,6 +227,24 @@ class Router:
         """Infer a passage's cost again, with these ``inputs`` (``danger``, ``uncertainty``)."""
         self.costs.revise(passage, **inputs)
         self._graph.set_cost(passage, self.costs.of(passage))
+
+    def extend(self, places: Sequence[Place], passages: Sequence[Passage]) -> None:
+        """Add places and passages that were found; closed passages stay closed."""
+        before, closed = self.costs, self.closed
+        known = [before.as_revised(passage) for passage in self.topo_map.passages]
+        self.topo_map = TopoMap(
+            self.topo_map.name,
+            [*self.topo_map.places.values(), *places],
+            [*known, *passages],
+            self.topo_map.file,
+            self.topo_map.landmarks.values(),
+            self.topo_map.floor_plan,
+        )
+        self.costs = EdgeCosts(self.topo_map, self._robot, before.params)
+        self._graph = CostGraph(self.topo_map, self.costs.values)
+        self._doorways = Doorways(self.topo_map)
+        for passage in closed:
+            self.close(self.topo_map.passage(passage.a, passage.b), before.barrier(passage))
 
     def explain(self, route: Route) -> list[dict[str, Any]]:
         """Explain the cost of each passage of the route, rule by rule, as plain data.

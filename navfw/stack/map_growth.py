@@ -8,32 +8,39 @@ from dataclasses import replace
 
 from navfw.guard.guarded_stages import GuardedPlanner
 from navfw.localmap import LocalMap
-from navfw.mapping import GrowingMap
+from navfw.mapping import GrowingMap, GrowingMapParams
 from navfw.robot import RobotModel
 from navfw.signals import Belief, OccupiedDisc, Odometry, Percept, Pose
 
 _INTERVAL = 0.5  # chosen
 """Time [s] between two grids for the planner."""
 
+_SURE = 0.25  # chosen
+"""Standard deviation [m] of the position up to which the localiser places what is seen."""
+
 
 class MapGrowth:
-    """Grows the map of one robot, if ``wanted``; ``growing_map`` is None if not."""
+    """Grows the map of one robot: ``growing_map`` has what was observed in this run.
 
-    def __init__(self, robot: RobotModel, wanted: bool) -> None:
-        self.growing_map = GrowingMap(robot) if wanted else None
+    With ``corrects`` loops are closed, and the belief is corrected by it, for stacks whose only map
+    it is. Otherwise the localiser says where the robot is in the map that was given.
+    """
+
+    def __init__(self, robot: RobotModel, corrects: bool) -> None:
+        self._corrects = corrects
+        self.growing_map = GrowingMap(robot, GrowingMapParams(close_loops=corrects))
         self.reset(None)
 
     def reset(self, pose: Pose | None) -> None:
         """Begin an empty map in whose frame the robot is at ``pose``, by default the origin."""
-        if self.growing_map is not None:
-            self.growing_map.reset(pose)
-        self._due_since = -math.inf
-        self._due = False
+        self.growing_map.reset(pose)
+        self._handed_over = -math.inf
+        self._belief: Belief | None = None
 
     def corrected(self, belief: Belief, odometry: Odometry) -> Belief:
         """Return ``belief`` with its pose corrected as the map was, up to the last frame."""
-        growing = self.growing_map
-        if growing is None or belief.lost or self._due_since == -math.inf:
+        growing, self._belief = self.growing_map, belief
+        if not self._corrects or belief.lost or not growing.begun:
             return belief
         return replace(belief, pose=growing.correction.compose(odometry.pose))
 
@@ -49,14 +56,15 @@ class MapGrowth:
 
         ``percept``, seen from odom pose ``seen_from``, is what the frame shows, if anything.
         """
-        if self.growing_map is None:
-            return
-        self.growing_map.update(odometry, local_map, moving, percept, seen_from)
-        if odometry.time - self._due_since >= _INTERVAL - 1e-6:
-            self._due_since, self._due = odometry.time, True
+        belief = self._belief
+        if self._corrects or belief is None:
+            self.growing_map.update(odometry, local_map, moving, percept, seen_from)
+        elif not belief.lost and belief.sigma <= _SURE:
+            self.growing_map.update(odometry, local_map, moving, placed=belief.pose)
 
-    def hand_over(self, planner: GuardedPlanner) -> None:
-        """Give ``planner`` the grid of the frame before, if one is due."""
-        if self.growing_map is not None and self._due:
-            self._due = False
+    def hand_over(self, planner: GuardedPlanner, time: float) -> None:
+        """Give ``planner`` the grid of the frame before at ``time`` [s], if one is due."""
+        due = self.growing_map.begun and time - self._handed_over >= _INTERVAL - 1e-6
+        if due and planner.wants_grid:
+            self._handed_over = time
             planner.observe_grid(self.growing_map.grid)

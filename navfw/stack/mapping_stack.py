@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from navfw.errors import ConfigError
 from navfw.mapping import GrowingMap
 from navfw.signals import SensorReading, Twist
 from navfw.stack.stack import Stack
@@ -18,14 +17,7 @@ class MappingStack(Stack):
 
     @property
     def growing(self) -> GrowingMap:
-        """The map so far.
-
-        Raises:
-            ConfigError: the stack grows none.
-
-        """
-        if self.growth.growing_map is None:
-            raise ConfigError("expected growing_map: true in the stack")
+        """The map so far."""
         return self.growth.growing_map
 
     def _step(self, reading: SensorReading) -> Twist:

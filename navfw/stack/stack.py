@@ -330,7 +330,7 @@ class Stack:
             if self._passage_report is not None:
                 self.planner.observe(self._passage_report)
                 self._passage_report = None
-            self.growth.hand_over(self.planner)
+            self.growth.hand_over(self.planner, belief.time)
             return self.planner.update(belief)
 
     def _map(

@@ -72,7 +72,7 @@ class StackSettings(StrictModel):
     ] = False
     growing_map: Annotated[
         bool,
-        Field(description="grow a map of what was observed, for planners that plan on it"),
+        Field(description="the map that grows is the only one: close loops, and correct the pose"),
     ] = False
     floor_model: Annotated[
         bool,

@@ -16,7 +16,12 @@ from navfw.fuzzy import CompiledFis, load_rule_base
 from navfw.papfis import Route
 from navfw.papfis.edge_costs import RULE_BASE, CostParams, EdgeCosts, inputs_of
 from navfw.papfis.routes import Endpoint
-from navfw.papfis.tour import PassingTolerances, distance_to_leg, has_passed, waypoints_of
+from navfw.papfis.waypoints import (
+    PassingTolerances,
+    distance_to_leg,
+    has_passed,
+    waypoints_of,
+)
 from navfw.robot import RobotModel
 from navfw.signals import Pose, Waypoint
 from navfw.topomap import Passage, Place, PlaceKind, TopoMap

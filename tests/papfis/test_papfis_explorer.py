@@ -96,7 +96,7 @@ def test_frontiers_are_unseen_beside_what_can_be_reached(seed: int, share: float
         assert frontier.length >= math.dist(at, (frontier.x, frontier.y)) - 2.0 * ground.cell
         path = ground.path_to(costs, frontier.x, frontier.y)
         assert math.dist(path[0], at) <= ground.cell
-        assert all(math.isfinite(ground.price_at(x, y)) for x, y in path)
+        assert all(math.isfinite(ground.price[ground.index(x, y)]) for x, y in path)
         assert (np.hypot(*np.diff(path, axis=0).T) < 1.5 * ground.cell).all()
 
 

@@ -109,11 +109,22 @@ def test_votes_within_the_interval_count_once() -> None:
 
 def test_open_and_closed_votes_cancel_and_unknown_has_no_effect() -> None:
     drive = on_the_way(RING)
-    for _ in range(10):
+    for _ in range(5):
+        drive.go(3.2, 0.0)
         drive.report("closed", 2)
+        drive.go(3.7, 0.0)
         drive.report("unknown", 5)
         drive.report("open", 2)
     assert not drive.closed
+
+
+def test_a_passage_in_which_the_robot_stands_for_long_is_closed() -> None:
+    drive = on_the_way(RING)
+    drive.go(4.5, 0)
+    drive.report("unknown", 24)
+    assert not drive.closed
+    drive.report("unknown", 2)
+    assert drive.closed == ["near - far"]
 
 
 def test_a_closed_passage_is_open_again_later_at_a_higher_cost() -> None:
