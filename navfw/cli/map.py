@@ -11,7 +11,7 @@ import typer
 from navfw.cli.options import Json, Map, Mission, NoiseSeed, Stack, World, command_group
 from navfw.cli.output import echo, print_json, print_result, print_table, print_tables, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
-from navfw.cli.teach import teach
+from navfw.cli.teach import name, teach
 from navfw.config.lookup import find, list_files
 from navfw.process.atomic import output_file, write_text
 from navfw.recording.run_folder import plain_json
@@ -30,7 +30,7 @@ _OverWorld = Annotated[
 def add_to(app: typer.Typer) -> None:
     """Add ``map`` with its commands."""
     group = command_group("Show, check, build, teach, convert and learn maps, and plan on them.")
-    commands = (show, check, build, teach, plan, learn_landmarks, learn_situations)
+    commands = (show, check, build, teach, name, plan, learn_landmarks, learn_situations)
     for command in (*commands, convert, export):
         group.command()(command)
     app.add_typer(group, name="map")
@@ -73,14 +73,23 @@ def show(
     print_result(summary, lines, json=json)
 
 
-def check(map_: Map, world: _OverWorld = None, json: Json = False) -> None:
+def check(
+    map_: Map,
+    world: _OverWorld = None,
+    robot: Annotated[
+        str, typer.Option(help="Name or file of the robot that is to fit through the passages.")
+    ] = "default",
+    json: Json = False,
+) -> None:
     """Check a map and its world. Exit with 1 if there are problems."""
+    from navfw.robot.robotfile import load_robot
     from navfw.topomap.map_check import check_map
 
     with quiet_stdout():
         topo_map = _find_map(map_)
         plan = _floor_plan(topo_map, world)
-        problems = check_map(topo_map, None if plan is None else plan.clearances)
+        clearances = None if plan is None else plan.clearances
+        problems = check_map(topo_map, clearances, load_robot(robot).radius)
     rows = [problem.as_data() for problem in problems]
     if json:
         summary = {"map": topo_map.name, "in_world": plan is not None}

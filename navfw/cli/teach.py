@@ -1,24 +1,38 @@
-"""``navfw map teach``: a map out of recorded drives."""
+"""``navfw map teach``: a map out of recorded drives; ``navfw map name``: names for its places."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from navfw.cli.options import Json, map_file
+from navfw.cli.options import Json, Map, Topic, map_file, numbers_of
 from navfw.cli.output import print_result, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
+from navfw.config.input_file import is_file, is_folder
+from navfw.config.lookup import find
 from navfw.errors import InputError
+from navfw.process.atomic import write_text
+from navfw.recording.run_folder import RESULT, is_bag
+
+if TYPE_CHECKING:
+    from navfw.recording.teaching import TaughtMap, TeachingDrive
 
 _NAME = re.compile(r"(?P<time>[0-9]+(\.[0-9]+)?)=(?P<place>[A-Za-z0-9][A-Za-z0-9_.-]*)")
 
 
 def teach(
     recordings: Annotated[
-        list[Path], typer.Argument(metavar="RECORDING...", help="Run folders of run --record.")
+        list[Path],
+        typer.Argument(
+            metavar="RECORDING...",
+            help="Run folders of run --record, bags of ROS, or folders of images with gyro.csv and"
+            " wheels.csv.",
+        ),
     ],
     out: Annotated[
         str, typer.Option(metavar="NAME", help="Map to write: a name in maps/, or a .yaml file.")
@@ -27,6 +41,17 @@ def teach(
         list[str] | None,
         typer.Option(
             metavar="T=PLACE", help="Name the place at T [s] of the first one. May be repeated."
+        ),
+    ] = None,
+    robot: Annotated[
+        str | None,
+        typer.Option(help="Of bags and folders: name or file of the robot.", metavar="ROBOT"),
+    ] = None,
+    topic: Topic = None,
+    situations: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Write what OFFIS saw at each kind of place, for --set situations."
         ),
     ] = None,
     force: Annotated[
@@ -40,12 +65,25 @@ def teach(
     from navfw.topomap.map_formats import save_map
 
     with quiet_stdout():
-        file = map_file(out, "--out", force)
+        file, notes = map_file(out, "--out", force), list[str]()
         named = [_named(text) for text in name or ()]
+        drives = _drives(recordings, robot, topic, notes)
         with ProgressBar("map teach", quiet=quiet) as bar:
-            made = taught(recordings, file.stem, named, bar.show_part)
+            made = taught(drives, file.stem, named, bar.show_part)
         save_map(made.topo_map, file)
+        if situations is not None:
+            if made.situations is None:
+                raise InputError("OFFIS saw no situation", key="--situations")
+            origin = f"navfw map teach --out {out}: {len(recordings)} recordings"
+            write_text(situations, made.situations.text(origin), parents=True)
+    data, lines = _summary(made, file, notes)
+    print_result(data, lines, json=json)
+
+
+def _summary(made: TaughtMap, file: Path, notes: list[str]) -> tuple[dict[str, Any], list[str]]:
+    """What was made, as data, and as lines for people."""
     places, edges = len(made.topo_map.places), len(made.topo_map.passages)
+    marks = len(made.topo_map.landmarks)
     parts = [
         {
             "recording": str(part.file),
@@ -58,8 +96,10 @@ def teach(
         for part in made.parts
     ]
     data = {"map": made.topo_map.name, "file": str(file), "places": places, "edges": edges}
-    data |= {"loops": made.loops, "undecided": made.undecided, "parts": parts}
-    lines = [f"{file}: {places} places, {edges} edges, {made.loops} loops closed"]
+    data |= {"landmarks": marks, "loops": made.loops, "undecided": made.undecided}
+    data |= {"parts": parts, "notes": notes}
+    lines = [f"{file}: {places} places, {edges} edges, {marks} landmarks, {made.loops} loops"]
+    lines += [f"note: {note}" for note in notes]
     if made.undecided:
         lines.append(f"{made.undecided} loops remained undecided, and are not closed")
     for part in made.parts:
@@ -68,7 +108,79 @@ def teach(
         if not part.used:
             span = f"{part.begin:.1f} to {part.end:.1f} s"
             lines.append(f"{part.file}: {span} is not in the map: {part.path:.1f} m, no overlap")
-    print_result(data, lines, json=json)
+    return data, lines
+
+
+def name(
+    map_: Map,
+    place: Annotated[
+        str,
+        typer.Argument(metavar="PLACE|X,Y", help="A place of the map, or a new one's point [m]."),
+    ],
+    new: Annotated[str, typer.Argument(metavar="NAME", help="Its name from now on.")],
+    out: Annotated[
+        Path | None, typer.Option(help="Map file to write [default: the map itself].")
+    ] = None,
+    robot: Annotated[
+        str, typer.Option(help="Of X,Y: name or file of the robot that is to reach it.")
+    ] = "default",
+    json: Json = False,
+) -> None:
+    """Name a place of a map, or a point of its floor plan, which gets edges to the nearest."""
+    import numpy as np
+
+    from navfw.features.landmark_appearance import check_landmark_kind
+    from navfw.mapping import with_place
+    from navfw.robot.robotfile import load_robot
+    from navfw.signals import Pose
+    from navfw.topomap import load_map
+    from navfw.topomap.map_formats import save_map
+    from navfw.topomap.occupancy_map import FREE
+
+    with quiet_stdout():
+        file = find("map", map_)
+        topo_map = load_map(file, check_landmark_kind)
+        point = numbers_of("PLACE", place, ("X", "Y")) if "," in place else None
+        if point is None:
+            if new in topo_map.places:
+                raise InputError(f"the map has a place {new!r} already; choose another name")
+            changed = topo_map.renamed({topo_map.place(place).name: new})
+        else:
+            at, plan = Pose(point[0], point[1], 0.0), topo_map.floor_plan
+            if plan is not None and plan.state(np.array([point])) != FREE:
+                raise InputError("is not on free ground of the floor plan", key=place)
+            changed = with_place(topo_map, new, at, load_robot(robot).radius)
+        save_map(changed, out or file)
+    what = f"{out or file}: {place} is now {new}"
+    print_result({"map": changed.name, "file": str(out or file), "place": new}, (what,), json=json)
+
+
+def _drives(
+    recordings: list[Path], robot: str | None, topic: str | None, notes: list[str]
+) -> Iterator[TeachingDrive]:
+    """Each recording as a drive; remarks on it are added to ``notes``."""
+    from navfw.perceive import camera_contradiction
+    from navfw.perceive.folder_drive import FolderDrive
+    from navfw.recording import Bag
+    from navfw.recording.teaching import TeachingDrive, recorded_drive
+    from navfw.robot.robotfile import load_robot
+    from navfw.ros import BagReadings
+
+    for path in recordings:
+        bag: Bag | FolderDrive
+        if is_bag(path):
+            bag = Bag(path, topic)
+            lacking, contradiction = bag.lacking, camera_contradiction(bag)
+            notes += [f"{path}: {contradiction}"] if contradiction else []
+        elif is_folder(path) and not is_file(path / RESULT):
+            bag, lacking = FolderDrive(path), []
+        else:
+            yield recorded_drive(path)
+            continue
+        model = load_robot(robot or "default")
+        readings = partial(tuple, BagReadings(bag, model))
+        yield TeachingDrive(path, model, readings, lacking=lacking)
+        notes += [f"{path}: {note}" for note in dict.fromkeys(bag.notes)]
 
 
 def _named(text: str) -> tuple[float, str]:

@@ -122,10 +122,10 @@ def with_place(topo_map: TopoMap, name: str, pose: Pose, radius: float) -> TopoM
 
     """
     if name in topo_map.places:
-        raise InputError(f"the map has a place {name!r} already; choose another name", key="--name")
+        raise InputError(f"the map has a place {name!r} already; choose another name")
     plan = topo_map.floor_plan
     if plan is None:
-        raise InputError("the map has no floor plan", key="--name")
+        raise InputError("the map has no floor plan")
     grid, need = clearances_of(plan, radius), radius + MARGIN
     at = round(pose.x, 2), round(pose.y, 2)
     order = topo_map.place_distances(*at).argsort(kind="stable").tolist()

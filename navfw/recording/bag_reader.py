@@ -107,6 +107,14 @@ _ROLES: Mapping[str, tuple[tuple[str, ...], str, int, Callable[[Any], tuple[floa
 """Of what is read: types of message, the usual end of a topic's name, and the numbers of each."""
 
 
+_SENSORS = {
+    "images": "a camera: there are no images (sensor_msgs Image or CompressedImage)",
+    "gyro": "a gyro: there is no topic of sensor_msgs/Imu",
+    "wheels": "wheels: there is no topic of sensor_msgs/JointState or nav_msgs/Odometry",
+}
+"""What a bag without a sensor lacks."""
+
+
 class BagImage(NamedTuple):
     """An image message, its ``name``, and when it was stamped and ``received`` [s]."""
 
@@ -166,6 +174,13 @@ class Bag:
             self.notes.append(f"{self._topics['info']} is empty: it says nothing of the camera")
             self.info = None
         self.notes += [] if len(self.images) else ["there are no images"]
+
+    @property
+    def lacking(self) -> list[str]:
+        """The sensors that a map needs, and of which there are no messages."""
+        wheels = len(self.joints) or len(self.odometry)
+        counts = {"images": len(self.images), "gyro": len(self.gyro), "wheels": wheels}
+        return [_SENSORS[role] for role, count in counts.items() if not count]
 
     @property
     def matrix(self) -> Array:

@@ -8,7 +8,7 @@ it is split, and its parts are joined only where they certainly overlap.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,6 +17,8 @@ import numpy as np
 from navfw.config.lookup import find
 from navfw.config.yamlfile import rewording
 from navfw.errors import ConfigError, InputError
+from navfw.features.landmark_appearance import landmark_kind
+from navfw.localization.place_probabilities import SituationTable, learn_table
 from navfw.mapping import GrowingMap, join, made_map, with_place
 from navfw.plugins import default_registry
 from navfw.process.work_progress import ProgressCallback, silent
@@ -26,7 +28,9 @@ from navfw.recording.run_replay import RecordedMission, load_recording
 from navfw.robot import RobotModel
 from navfw.signals import Pose, SensorReading
 from navfw.stack import MappingStack
+from navfw.stack.mapping_stack import Sighting
 from navfw.topomap import Place, TopoMap
+from navfw.topomap.landmark_mapping import LandmarkMapper, with_landmarks
 
 STACK = "explore"
 """The stack whose perceiving half makes the map."""
@@ -47,6 +51,41 @@ _CARRIED = 0.3
 _SHORT = 1.5
 """Length [m] of the shortest part of a recording that is used."""
 
+_ORIGIN = Pose(0.0, 0.0, 0.0)
+
+_MIN_DETECTIONS = 3
+"""Detections of a marker from which it is a landmark of the map."""
+
+
+@dataclass(frozen=True, slots=True)
+class TeachingDrive:
+    """A recorded drive of ``robot`` in ``file``; ``readings`` loads it.
+
+    ``start`` is where it begins in ``map``. ``lacking`` says which sensors the recording has not.
+    """
+
+    file: Path
+    robot: RobotModel
+    readings: Callable[[], Sequence[SensorReading]]
+    start: Pose = _ORIGIN
+    lacking: Sequence[str] = ()
+
+
+def recorded_drive(folder: Path) -> TeachingDrive:
+    """The drive in a run folder.
+
+    Raises:
+        ConfigError: it has no recording, or its result is damaged.
+
+    """
+    config = read_result(folder).get("config")
+    with rewording(prefix="config.mission.", file=folder / RESULT):
+        data = config.get("mission") if isinstance(config, dict) else None
+        mission = RecordedMission.model_validate(data)
+    file = recording_in(folder)
+    start = Pose(*mission.start) if mission.start_known else _ORIGIN
+    return TeachingDrive(file, mission.robot, lambda: load_recording(file).readings, start)
+
 
 @dataclass(frozen=True, slots=True)
 class TaughtPart:
@@ -66,82 +105,119 @@ class TaughtPart:
 
 @dataclass(frozen=True, slots=True)
 class TaughtMap:
-    """The map, its parts, and how many loops were closed or remained undecided."""
+    """The map, its parts, and how many loops were closed or remained undecided.
+
+    ``situations`` is what OFFIS inferred at each kind of its places; None if nothing.
+    """
 
     topo_map: TopoMap
     parts: tuple[TaughtPart, ...]
     loops: int
     undecided: int
+    situations: SituationTable | None
 
 
 def teach(
-    folders: Sequence[Path],
+    drives: Iterable[TeachingDrive],
     name: str,
     named: Sequence[tuple[float, str]] = (),
     report: ProgressCallback = silent,
 ) -> TaughtMap:
-    """Make the map ``name`` of the recordings in run ``folders``, all of one building.
+    """Make the map ``name`` of recorded ``drives``, all in one building.
 
     ``named`` are times [s] in the first recording, and names of the places where the robot was.
 
     Raises:
-        InputError: a folder has no recording, or one without wheels or gyro; nothing was seen; the
-            recordings do not certainly overlap; a name is taken, or its time is not in the map.
+        InputError: a recording has no wheels or gyro; nothing was seen; the recordings do not
+            certainly overlap; a name is taken, or its time is not in the map.
 
     """
     parts: list[TaughtPart] = []
+    sightings: list[Sighting] = []
     whole: GrowingMap | None = None
-    robot = RobotModel()
-    for number, folder in enumerate(folders):
+    first: TeachingDrive | None = None
+    for drive in drives:
         joined = False
-        for growing, part in _grown(folder, report):
+        for growing, seen, part in _grown(drive, report):
             if part.path < _SHORT or not growing.keys:
                 parts.append(part)
                 continue
+            before = 0
             if whole is None:
-                whole, robot, used = growing, growing.robot, True
+                whole, used = growing, True
             else:
-                report(f"{folder.name}: overlap")
-                used = join(whole, growing)
+                report(f"{drive.file}: overlap")
+                before, used = len(whole.keys), join(whole, growing)
             joined = joined or used
+            sightings += [replace(one, key=one.key + before) for one in seen if used]
             parts.append(replace(part, used=used))
-        if number and not joined:
+        if first is not None and not joined:
             raise InputError(
-                f"does not certainly overlap with {folders[0]}, so both cannot become one map; "
+                f"does not certainly overlap with {first.file}, so both cannot become one map; "
                 "record a drive that passes through places of the other, or teach two maps",
-                file=folder,
+                file=drive.file,
             )
-    if whole is None:
-        raise InputError("the robot has not driven, so there is no map", file=folders[0])
+        first = first or drive
+    if whole is None or first is None:
+        raise InputError("the robot has not driven, so there is no map", file=parts[0].file)
     report("map")
-    topo_map = made_map(name, whole.grid, robot.radius, whole.drops)
+    topo_map = made_map(name, whole.grid, first.robot.radius, whole.drops)
     for time, place in named:
-        topo_map = with_place(topo_map, place, _pose_at(whole, time), robot.radius)
-    return TaughtMap(topo_map, tuple(parts), whole.loops.closed, whole.loops.undecided)
+        topo_map = with_place(topo_map, place, _pose_at(whole, time), first.robot.radius)
+    seen_from = [
+        (whole.keys[min(one.key, len(whole.keys) - 1)].correction.compose(one.pose), one)
+        for one in sightings
+    ]
+    topo_map = _with_markers(topo_map, seen_from)
+    situations = _situations(topo_map, seen_from)
+    return TaughtMap(topo_map, tuple(parts), whole.loops.closed, whole.loops.undecided, situations)
 
 
-def _grown(folder: Path, report: ProgressCallback) -> Iterator[tuple[GrowingMap, TaughtPart]]:
-    """The maps that grow from the parts of a recording."""
-    config = read_result(folder).get("config")
-    with rewording(prefix="config.mission.", file=folder / RESULT):
-        data = config.get("mission") if isinstance(config, dict) else None
-        mission = RecordedMission.model_validate(data)
-    file = recording_in(folder)
-    readings = load_recording(file).readings
-    _check_sensors(readings, file)
+def _with_markers(topo_map: TopoMap, sightings: Sequence[tuple[Pose, Sighting]]) -> TopoMap:
+    """The map with the markers that were seen often enough, by sightings from poses in ``map``."""
+    mapper = LandmarkMapper(_ORIGIN)
+    for pose, sighting in sightings:
+        if sighting.markers:
+            mapper.integrate(pose, sighting.markers)
+    estimates = mapper.estimate(_MIN_DETECTIONS)
+    return with_landmarks(topo_map, estimates, lambda kind: landmark_kind(kind).default_size)
+
+
+def _situations(
+    topo_map: TopoMap, sightings: Sequence[tuple[Pose, Sighting]]
+) -> SituationTable | None:
+    """What OFFIS inferred, by the kind of the place that was nearest."""
+    kinds = [place.kind for place in topo_map.places.values()]
+    try:
+        return learn_table(
+            (kinds[int(topo_map.place_distances(pose.x, pose.y).argmin())], one.situations)
+            for pose, one in sightings
+            if one.situations is not None
+        )
+    except ValueError:
+        return None
+
+
+def _grown(
+    drive: TeachingDrive, report: ProgressCallback
+) -> Iterator[tuple[GrowingMap, Sequence[Sighting], TaughtPart]]:
+    """The maps that grow from the parts of a recording, and what was seen in each."""
+    if drive.lacking:
+        raise ConfigError("a map needs " + "; and ".join(drive.lacking), file=drive.file)
+    readings = drive.readings()
+    _check_sensors(readings, drive.file)
     empty = TopoMap("none", [Place("start", 0.0, 0.0)], [])
-    start = Pose(*mission.start) if mission.start_known else Pose(0.0, 0.0, 0.0)
-    for first, last, why in _parts(readings, mission.robot):
-        report(f"{folder.name}: {readings[first].time:.0f} to {readings[last].time:.0f} s")
-        stack = MappingStack.load(find("stack", STACK), mission.robot, empty, default_registry())
-        stack.start(start if first == 0 else Pose(0.0, 0.0, 0.0), [])
+    for first, last, why in _parts(readings, drive.robot):
+        report(f"{drive.file}: {readings[first].time:.0f} to {readings[last].time:.0f} s")
+        stack = MappingStack.load(find("stack", STACK), drive.robot, empty, default_registry())
+        stack.start(drive.start if first == 0 else _ORIGIN, [])
         for reading in readings[first : last + 1]:
             stack.step(reading)
         growing = stack.growing
         growing.finish()
         path = growing.keys[-1].path if growing.keys else 0.0
         begin, end = readings[first].time, readings[last].time
-        yield growing, TaughtPart(file, begin, end, why, path, used=False)
+        yield growing, stack.sightings, TaughtPart(drive.file, begin, end, why, path, used=False)
 
 
 def _check_sensors(readings: Sequence[SensorReading], file: Path) -> None:

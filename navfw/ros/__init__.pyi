@@ -1,3 +1,4 @@
+from .bags_replay import BagReadings as BagReadings
 from .bags_replay import BagReplay as BagReplay
 from .bags_replay import driven_map as driven_map
 from .connection import RosNode as RosNode

@@ -17,6 +17,7 @@ from navfw import recording
 from navfw.errors import InputError, locating
 from navfw.numerics import Array
 from navfw.perceive import camera_contradiction
+from navfw.perceive.folder_drive import FolderDrive
 from navfw.plugins import default_registry
 from navfw.process.interruption import check_interrupted, interruptible
 from navfw.recording.channel_list import SeenRun
@@ -39,7 +40,7 @@ _VIEW = math.radians(1.0)
 """Difference of fields of view [rad] that is told."""
 
 
-def _gyro(bag: recording.Bag) -> Array:
+def _gyro(bag: recording.Bag | FolderDrive) -> Array:
     """(n, 4) the rates by the gyro, or else by the wheels, about the vertical alone."""
     if len(bag.gyro) or len(bag.odometry) < 2:
         return bag.gyro
@@ -49,10 +50,10 @@ def _gyro(bag: recording.Bag) -> Array:
     return np.column_stack([bag.odometry[1:, 0], nothing, nothing, rates])
 
 
-class _Readings:
+class BagReadings:
     """The readings of ``robot`` in ``bag`` at its control rate, for a single iteration."""
 
-    def __init__(self, bag: recording.Bag, robot: RobotModel) -> None:
+    def __init__(self, bag: recording.Bag | FolderDrive, robot: RobotModel) -> None:
         self._bag, self._robot, self._gyro = bag, robot, _gyro(bag)
         turned = 0.5 * robot.track * bag.odometry[:, 3]
         way = recording.driven_way(bag.odometry)
@@ -197,7 +198,7 @@ class BagReplay:
         contradiction = camera_contradiction(self._bag)
         self._bag.notes[:0] = [contradiction] if contradiction else []
         stack.start(self._start, self._goals)
-        readings = _Readings(self._bag, self._robot)
+        readings = BagReadings(self._bag, self._robot)
         with stack.guard.watchdog.on_duty(), interruptible():
             for number, reading in enumerate(readings):
                 check_interrupted()

@@ -129,7 +129,7 @@ def learn_landmarks(session: Session, least: int = 3) -> tuple[TopoMap, dict[str
         if state.landmark_detections and state.time > last:
             last = state.time
             taken = state.landmark_detections[0].time  # the image may be older than the decision
-            mapper.integrate(stack.history.at(taken), state.landmark_detections)
+            mapper.integrate(stack.history.at(taken).pose, state.landmark_detections)
 
     with session.simulation() as simulator:
         run = MissionLoop(session.task, stack, simulator, integrate).run()

@@ -21,7 +21,7 @@ from navfw.errors import MapError
 from navfw.numerics import Array
 from navfw.numerics.linear_systems import inverse, solve
 from navfw.numerics.products import product
-from navfw.signals import LandmarkDetection, Odometry, Pose, wrap_angle
+from navfw.signals import LandmarkDetection, Pose, wrap_angle
 from navfw.topomap.elements import Landmark
 from navfw.topomap.topological_map import TopoMap
 
@@ -61,10 +61,10 @@ class LandmarkMapper:
     _poses: list[Pose] = field(init=False, default_factory=list)
     _detections: list[tuple[LandmarkDetection, ...]] = field(init=False, default_factory=list)
 
-    def integrate(self, odometry: Odometry, detections: Sequence[LandmarkDetection]) -> None:
-        """Add the detections of one image, with the odometry of its time."""
+    def integrate(self, pose: Pose, detections: Sequence[LandmarkDetection]) -> None:
+        """Add the detections of one image, taken from ``pose`` by odometry since the start."""
         if detections:
-            self._poses.append(odometry.pose)
+            self._poses.append(pose)
             self._detections.append(tuple(detections))
 
     def estimate(self, least: int = 3) -> list[LandmarkEstimate]:

@@ -21,6 +21,9 @@ MapProblemKind = Literal[
 Clearances = Callable[[Array], Array]
 """Distances [m] of points (N, 2) in ``map`` to the nearest solid; negative inside one."""
 
+_RADIUS = RobotModel().radius
+"""That of the default robot [m]."""
+
 _SAME_POINT = 0.05  # chosen
 """Distance [m] below which two places count as duplicates."""
 
@@ -50,12 +53,13 @@ class MapProblem:
         return {"kind": self.kind, "where": self.where, "message": self.message}
 
 
-def check_map(topo_map: TopoMap, clearances: Clearances | None = None) -> list[MapProblem]:
-    """Check ``topo_map`` for the default robot; return all problems, none if it is sound.
+def check_map(
+    topo_map: TopoMap, clearances: Clearances | None = None, radius: float = _RADIUS
+) -> list[MapProblem]:
+    """Check ``topo_map`` for a robot of ``radius`` [m]; return all problems, none if it is sound.
 
     With ``clearances`` of the mapped world, places and straight passages are checked against walls.
     """
-    radius = RobotModel().radius
     problems = [*_unconnected_parts(topo_map), *_narrow_passages(topo_map, radius)]
     problems += _duplicates(topo_map)
     if clearances is not None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -93,6 +93,16 @@ class TopoMap(Sealed):
 
     def __repr__(self) -> str:
         return f"TopoMap({self.name!r}, {len(self.places)} places, {len(self.passages)} passages)"
+
+    def renamed(self, names: Mapping[str, str]) -> TopoMap:
+        """Return the map with the places that are keys of ``names`` called as their values."""
+        return TopoMap(
+            self.name,
+            [replace(p, name=names.get(p.name, p.name)) for p in self.places.values()],
+            [replace(p, a=names.get(p.a, p.a), b=names.get(p.b, p.b)) for p in self.passages],
+            landmarks=self.landmarks.values(),
+            floor_plan=self.floor_plan,
+        )
 
     @property
     def graph(self) -> nx.Graph:

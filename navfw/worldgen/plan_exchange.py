@@ -6,7 +6,7 @@ import itertools
 import math
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import networkx as nx
@@ -281,12 +281,7 @@ def _renamed(topo_map: TopoMap, clean: CleanedPlan, named: Mapping[str, Point]) 
             other = names[nearest.name]
             raise InputError(f"{other!r} and {name!r} are one place", key="--name")
         names[nearest.name] = name
-    return TopoMap(
-        topo_map.name,
-        [replace(p, name=names.get(p.name, p.name)) for p in topo_map.places.values()],
-        [replace(p, a=names.get(p.a, p.a), b=names.get(p.b, p.b)) for p in topo_map.passages],
-        floor_plan=topo_map.floor_plan,
-    )
+    return topo_map.renamed(names)
 
 
 def _blocked_distance(ground: OccupancyMap, place: Place, point: Point) -> tuple[bool, float]:

@@ -4,21 +4,26 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
-from cli_calls import invoke
+from bag_samples import image, imu, joints, write_bag
+from cli_calls import answer, invoke, output, refusal
 from scripted_run import FakeSimulator
 
 from navfw.errors import ConfigError
+from navfw.localization.place_probabilities import load_table
 from navfw.missions import prepare
 from navfw.missions.run_report import write_run
-from navfw.recording import RunFolder
-from navfw.recording.teaching import _check_sensors, _parts, teach
+from navfw.recording import Bag, RunFolder, ros_image
+from navfw.recording.teaching import _check_sensors, _parts, recorded_drive, teach
 from navfw.robot import RobotModel
 from navfw.signals import Encoders, Pose, SensorReading, Twist
 from navfw.sim import SceneGeometry, load_world
-from navfw.topomap import load_map
+from navfw.topomap import Passage, Place, TopoMap, load_map
 from navfw.topomap.map_check import check_map
+from navfw.topomap.map_formats import save_map
+from navfw.topomap.occupancy_map import OccupancyMap
 
 ROBOT = RobotModel()
 
@@ -81,9 +86,10 @@ def test_drives_in_different_buildings_are_not_joined(drive: Path, tmp_path: Pat
 
 @pytest.mark.thorough
 def test_two_drives_through_the_same_rooms_become_one_map(tmp_path: Path) -> None:
-    drives = [
+    folders = [
         recorded(tmp_path / f"run{seed}", "office", "kitchen-tour", seed=seed) for seed in (0, 1)
     ]
+    drives = [recorded_drive(folder) for folder in folders]
     first, both = teach(drives[:1], "one"), teach(drives, "both")
     assert [part.used for part in both.parts] == [True, True]
     plans = first.topo_map.floor_plan, both.topo_map.floor_plan
@@ -158,3 +164,98 @@ def test_a_name_without_time_is_refused(text: str, tmp_path: Path) -> None:
     done = invoke("map", "teach", tmp_path, "--out", tmp_path / "m.yaml", "--name", text)
     assert done.exit_code == 2
     assert "expected T=PLACE" in done.output
+
+
+@pytest.fixture(scope="module")
+def marked(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A drive past markers, recorded with the images for landmarks."""
+    folder = tmp_path_factory.mktemp("marked") / "run"
+    session = prepare("office", "lobby-to-lab", stack="landmarks", overrides=["mission.timeout=20"])
+    with RunFolder(folder) as target:
+        write_run(session.run(record=True), target)
+    return folder
+
+
+@pytest.mark.thorough
+def test_markers_become_landmarks_where_they_are(marked: Path, tmp_path: Path) -> None:
+    table = tmp_path / "situations.yaml"
+    done = answer("map", "teach", marked, "--out", tmp_path / "m.yaml", "--situations", table)
+    topo_map = load_map(tmp_path / "m.yaml")
+    assert done["landmarks"] == len(topo_map.landmarks) >= 2
+    true = {mark.id: mark.at for mark in load_world(Path("worlds/office/world.yaml")).landmarks}
+    for mark in topo_map.landmarks.values():
+        assert np.hypot(mark.x - true[mark.id][0], mark.y - true[mark.id][1]) < 0.15
+    assert load_table(table).observations["room"] > 10
+
+
+@pytest.mark.thorough
+def test_a_bag_and_a_folder_of_the_same_drive_give_its_map(drive: Path, tmp_path: Path) -> None:
+    answer("export", drive, "--to", tmp_path / "bag")
+    bag, folder = Bag(tmp_path / "bag"), tmp_path / "folder"
+    folder.mkdir()
+    times = ["time,file"]
+    for number, shown in enumerate(bag.each_image()):
+        cv2.imwrite(str(folder / f"{number:04d}.png"), ros_image(shown.message, shown.name))
+        times.append(f"{shown.time + 50.0},{number:04d}.png")
+    gyro = ["time,yaw_rate", *(f"{row[0] + 50.0},{row[3]}" for row in bag.gyro)]
+    wheels = ["time,left,right", *(f"{r[0] + 50.0},{r[1]},{r[2]}" for r in bag.joints)]
+    for name, lines in (("times", times), ("gyro", gyro), ("wheels", wheels)):
+        (folder / f"{name}.csv").write_text("\n".join(lines))
+    plans = []
+    for source in (drive, tmp_path / "bag", folder):
+        target = tmp_path / "maps" / f"of-{source.name}.yaml"
+        answer("map", "teach", source, "--out", target)
+        plan = load_map(target).floor_plan
+        assert plan is not None
+        plans.append(float(plan.free.sum()))
+    assert plans[1] == pytest.approx(plans[0], rel=0.1)
+    assert plans[2] == pytest.approx(plans[1], rel=0.05)
+    (folder / "gyro.csv").unlink()
+    said = refusal("map", "teach", folder, "--out", tmp_path / "none.yaml")
+    assert "a map needs a gyro: there is no gyro.csv" in said
+
+
+@pytest.mark.parametrize(
+    ("left_out", "why"),
+    [("/imu", "sensor_msgs/Imu"), ("/joint_states", "nav_msgs/Odometry"), ("/image", "images")],
+)
+def test_a_bag_without_a_sensor_is_refused_by_its_topic(
+    left_out: str, why: str, tmp_path: Path
+) -> None:
+    sent = [imu(0.1 * k, (0.0, 0.0, 0.1)) for k in range(20)]
+    sent += [joints(0.1 * k, 0.1 * k, 0.1 * k) for k in range(20)]
+    sent += [image("/image", 0.1 * k, np.zeros((120, 160), np.uint8), "mono8") for k in range(20)]
+    bag = write_bag(tmp_path / "drive.bag", [one for one in sent if one.topic != left_out])
+    said = refusal("map", "teach", bag, "--out", tmp_path / "m.yaml")
+    assert "drive.bag" in said
+    assert why in said
+    assert not (tmp_path / "m.yaml").exists()
+
+
+def test_places_are_named_later(tmp_path: Path) -> None:
+    file = tmp_path / "plan.yaml"
+    wide = OccupancyMap(np.zeros((60, 80), np.int8), 0.1, Pose(0.0, 0.0, 0.0))
+    two = [Place("room-1", 1.0, 3.0), Place("room-2", 7.0, 3.0)]
+    save_map(TopoMap("plan", two, [Passage("room-1", "room-2", 6.0, 2.0)], floor_plan=wide), file)
+    output("map", "name", file, "room-1", "dock")
+    output("map", "name", file, "4,4", "desk")
+    named = load_map(file)
+    assert list(named.places) == ["dock", "room-2", "desk"]
+    assert {passage.ends for passage in named.passages} >= {frozenset(("dock", "room-2"))}
+    assert named.part_of("desk") == {"dock", "room-2", "desk"}
+    assert "already" in refusal("map", "name", file, "room-2", "dock")
+    assert "already" in refusal("map", "name", file, "5,4", "dock")
+    assert "not on free ground" in refusal("map", "name", file, "40,4", "far")
+    assert "unknown place" in refusal("map", "name", file, "room-9", "far")
+    assert [p.name for p in load_map(file).places.values()] == ["dock", "room-2", "desk"]
+
+
+def test_passages_too_narrow_for_a_larger_robot_are_named(tmp_path: Path) -> None:
+    file = tmp_path / "plan.yaml"
+    two = [Place("a", 1.0, 3.0), Place("b", 7.0, 3.0)]
+    save_map(TopoMap("plan", two, [Passage("a", "b", 6.0, 0.6)]), file)
+    assert invoke("map", "check", file).exit_code == 0
+    done = invoke("map", "check", file, "--robot", "husky")
+    assert done.exit_code == 1
+    assert "a - b" in done.stdout
+    assert "0.6 m wide" in done.stdout

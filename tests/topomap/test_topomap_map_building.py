@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from localization_drives import odometry
 
 from navfw.errors import MapError
 from navfw.signals import LandmarkDetection, Pose
@@ -183,7 +182,7 @@ def driven(seed: int, false_share: float = 0.0) -> tuple[LandmarkMapper, list[tu
             noise = SIGMAS * rng.standard_normal(2)
             values = bearing + float(noise[0]), away + float(noise[1])
             seen.append(LandmarkDetection(0.0, identity, *values, np.diag(SIGMAS**2)))
-        mapper.integrate(odometry(measured), seen)
+        mapper.integrate(measured, seen)
         ends.append((START.compose(measured).x - true.x, START.compose(measured).y - true.y))
     return mapper, ends
 
@@ -221,7 +220,7 @@ def test_landmarks_with_few_detections_are_left_out() -> None:
     look = LandmarkDetection(0.0, "aruco-1", 0.1, 2.0, np.diag(SIGMAS**2))
     rare = LandmarkDetection(0.0, "aruco-2", -0.1, 3.0, np.diag(SIGMAS**2))
     for seen in ([look, rare], [look, rare], [look], [look]):
-        mapper.integrate(odometry(Pose(0.0, 0.0, 0.0)), seen)
+        mapper.integrate(Pose(0.0, 0.0, 0.0), seen)
     (mapped,) = mapper.estimate(least=3)
     assert mapped.identity == "aruco-1"
     place = START.to_parent(2 * math.cos(0.1), 2 * math.sin(0.1))
