@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -18,9 +19,11 @@ if TYPE_CHECKING:
     from navfw.missions.session import Session
     from navfw.plugins import Registry
     from navfw.sim.worldspec import Look, WorldSpec
+    from navfw.topomap import TopoMap
+    from navfw.worldgen.generation import GeneratedWorld
 
-RECORDINGS = "recordings"
-"""The folder of the recorded runs' folders, beside that of the pictures."""
+BESIDE = RECORDINGS, MAPS = "recordings", "maps"
+"""The folders of the recorded runs' folders, and of maps, beside that of the pictures."""
 
 _DEFAULT_DIFFICULTY = 0.5
 """Difficulty of generated worlds in entries without one: the middle of the range 0 to 1."""
@@ -45,6 +48,24 @@ def draw_difficulty(difficulty: float | tuple[float, float] | None, seed: int) -
     return round(low + (high - low) * float(np.random.default_rng(stream).random()), 3)
 
 
+def drawn_pair(topo_map: TopoMap, names: Sequence[str], seed: int) -> tuple[str, str, float]:
+    """Two connected places among ``names``, start and goal, and the yaw [rad] at the start.
+
+    As many seeds as there are such pairs draw each of them once.
+
+    Raises:
+        InputError: there are none.
+
+    """
+    pairs = [(a, b) for a in names for b in names if a != b and b in topo_map.part_of(a)]
+    if not pairs:
+        raise InputError(f"the map {topo_map.name!r} has no two places that are connected")
+    order = np.random.default_rng(len(pairs)).permutation(len(pairs))
+    stream = np.random.SeedSequence(seed, spawn_key=(_PAIR_STREAM,))
+    yaw = float(np.random.default_rng(stream).uniform(-np.pi, np.pi))
+    return (*pairs[order[seed % len(pairs)]], round(yaw, 2))
+
+
 @dataclass(frozen=True, slots=True)
 class Case:
     """One run: plain data that is sent to a worker process.
@@ -52,7 +73,9 @@ class Case:
     Either ``world`` and ``mission`` are files, or ``family``, ``difficulty`` (of a range, the seed
     draws it), ``contrast``, ``look`` and ``seed`` define a generated world. With ``pairs`` the seed
     draws start and goal of the mission; with ``explore``, the keys of an exploration as JSON, the
-    robot explores instead. ``stack`` is a file; empty: the stack named by the mission.
+    robot explores instead; with ``taught``, the keys of ``TaughtSpec`` as JSON, it drives on a map
+    that is made before, or with ``given_map`` the same on the world's own (``taught_maps``).
+    ``stack`` is a file; empty: the stack named by the mission.
     ``content`` is the fingerprint of all that the result depends on beside the seed. Of the runs to
     ``keep`` there is a picture in the folder ``pictures``, of those to ``record`` a recording in
     the folder beside it.
@@ -71,6 +94,8 @@ class Case:
     mission: str = ""
     pairs: bool = False
     explore: str = ""
+    taught: str = ""
+    given_map: bool = False
     variant: str = ""
     content: str = ""
     pictures: Path = Path()
@@ -82,15 +107,20 @@ class Case:
         """The key of the run in the table."""
         stack = Path(self.stack).stem
         if self.family:
-            where = f"{self.family}-{self.seed}", "explore" if self.explore else "cross"
+            where = f"{self.family}-{self.world_seed}", Path(self.mission).stem or "cross"
         else:
             where = Path(self.world).parent.name, Path(self.mission).stem
         return RunKey(self.entry, *where, self.seed, stack, self.variant)
 
     @property
+    def world_seed(self) -> int:
+        """The seed of a generated world: seeds in turn share one that has a map made before."""
+        return self.seed // json.loads(self.taught)["seeds"] if self.taught else self.seed
+
+    @property
     def columns(self) -> dict[str, Any]:
         """The columns of the table that are known before the run."""
-        difficulty = draw_difficulty(self.difficulty, self.seed)
+        difficulty = draw_difficulty(self.difficulty, self.world_seed)
         return {**self.key._asdict(), "family": self.family, "difficulty": difficulty}
 
     def fault(self, reason: str, cause: Cause) -> RunRow:
@@ -128,38 +158,35 @@ class Case:
         )
 
     def _pair(self) -> tuple[str, ...]:
-        """Start and goal as overrides of the mission: two connected places of its map.
-
-        As many seeds as the map has such pairs draw each of them once.
-        """
+        """Start and goal as overrides of the mission: two connected places of its map."""
         from navfw.missions.missionfile import load_mission, start_candidates
         from navfw.missions.session_setup import split_overrides
 
         for_mission, _ = split_overrides(self.overrides)
         topo_map = load_mission(Path(self.mission), for_mission).topo_map
         names = [place.name for place in start_candidates(topo_map, ())]
-        pairs = [(a, b) for a in names for b in names if a != b and b in topo_map.part_of(a)]
-        if not pairs:
-            raise InputError(f"the map {topo_map.name!r} has no two places that are connected")
-        order = np.random.default_rng(len(pairs)).permutation(len(pairs))
-        start, goal = pairs[order[self.seed % len(pairs)]]
-        stream = np.random.SeedSequence(self.seed, spawn_key=(_PAIR_STREAM,))
-        yaw = float(np.random.default_rng(stream).uniform(-np.pi, np.pi))
-        changes = {"start": {"place": start, "yaw": round(yaw, 2)}, "goals": [goal], "events": []}
+        start, goal, yaw = drawn_pair(topo_map, names, self.seed)
+        changes = {"start": {"place": start, "yaw": yaw}, "goals": [goal], "events": []}
         return tuple(f"mission.{key}={json.dumps(value)}" for key, value in changes.items())
+
+    def made_world(self) -> GeneratedWorld:
+        """The world of ``family`` and its seed."""
+        from navfw import worldgen
+
+        difficulty = draw_difficulty(self.difficulty, self.world_seed)
+        if difficulty is None:
+            difficulty = _DEFAULT_DIFFICULTY
+        seed = self.world_seed
+        return worldgen.generate(self.family, seed, difficulty, self.contrast, self.look)
 
     def _generated(self) -> tuple[WorldSpec, MissionFile]:
         """The world of ``family`` and ``seed``, and its mission with ``overrides``."""
-        from navfw import worldgen
         from navfw.config.document import parse_yaml
         from navfw.config.overrides import apply_overrides
         from navfw.missions.missionfile import mission_in, with_task
         from navfw.missions.session_setup import split_overrides
 
-        difficulty = draw_difficulty(self.difficulty, self.seed)
-        if difficulty is None:
-            difficulty = _DEFAULT_DIFFICULTY
-        made = worldgen.generate(self.family, self.seed, difficulty, self.contrast, self.look)
+        made = self.made_world()
         text = json.dumps(made.mission.model_dump(mode="json", by_alias=True, exclude_unset=True))
         for_mission, _ = split_overrides(self.overrides)
         document = parse_yaml(text, self.key.world)

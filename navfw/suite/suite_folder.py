@@ -22,7 +22,7 @@ from navfw.process.atomic import output_place, write_text, writing
 from navfw.process.target_lock import TargetInUseError, TargetLock, sweep
 from navfw.recording.provenance import machine_kind
 from navfw.recording.run_folder import REPORT, plain_json
-from navfw.suite.case import RECORDINGS
+from navfw.suite.case import BESIDE, RECORDINGS
 from navfw.suite.run_row import RunJournal, RunRow, table_cells
 from navfw.suite.suite_plan import SuitePlan
 from navfw.suite.suite_summary import brief_table
@@ -39,7 +39,7 @@ StartMode = Literal["new", "resume", "extend", "restart"]
 """How a suite begins: in an empty folder; with the runs that it has; with those that a change of
 the suite has not touched; anew, with the earlier results moved aside."""
 
-_OWN = (TABLE, SUMMARY, _MARKDOWN, _ABOUT, _PICTURES, _JOURNAL, RECORDINGS, REPORT, COMPARISON)
+_OWN = (TABLE, SUMMARY, _MARKDOWN, _ABOUT, _PICTURES, _JOURNAL, *BESIDE, REPORT, COMPARISON)
 _BEFORE = "before-"
 """Beginning of the names of the folders of earlier results."""
 

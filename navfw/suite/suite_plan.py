@@ -42,6 +42,7 @@ from navfw.suite.suitefile import (
     VariantSpec,
     lacking_packages,
 )
+from navfw.suite.taught_maps import planned_session
 
 _MAX_RUNS = 200_000
 """Largest number of runs of a suite, against mistyped ranges of seeds."""
@@ -137,7 +138,15 @@ def _templates(
         what = f"the suite {suite.name!r} has no entry that takes a folder of worlds"
         raise InputError(what, key="--worlds")
     return [
-        (index, replace(case, variant=name, overrides=(*entry.overrides, *variant.overrides)))
+        (
+            index,
+            replace(
+                case,
+                variant=name,
+                overrides=(*entry.overrides, *variant.overrides),
+                given_map=variant.given_map,
+            ),
+        )
         for index, entry in enumerate(suite.spec.entries)
         for case in case_templates(suite, index, worlds)
         for name, variant in variants.items()
@@ -178,7 +187,7 @@ def _check_case(
     entry = suite.spec.entries[index]
     try:
         with traced_inputs() as files:
-            session = case.session(registry)
+            session = planned_session(case, registry)
     except MissingExtraError:
         raise
     except InputError as error:
@@ -239,7 +248,7 @@ def _valid_without_variant(suite: Suite, index: int, case: Case, registry: Regis
     stack = str(_stack_of(suite, index) or "")
     plain = replace(case, stack=stack, overrides=overrides, variant="")
     with contextlib.suppress(InputError):
-        plain.session(registry)
+        planned_session(plain, registry)
         return True
     return False
 
@@ -284,6 +293,7 @@ def case_templates(suite: Suite, index: int, worlds: Path | None = None) -> list
     """
     entry = suite.spec.entries[index]
     explore = "" if entry.explore is None else entry.explore.model_dump_json(by_alias=True)
+    taught = "" if entry.taught is None else entry.taught.model_dump_json()
     case = Case(
         0,
         entry.title,
@@ -291,17 +301,19 @@ def case_templates(suite: Suite, index: int, worlds: Path | None = None) -> list
         contrast=entry.contrast,
         pairs=entry.pairs,
         explore=explore,
+        taught=taught,
     )
+    task = "explore" if explore else "taught" if taught else ""
     if entry.family is not None:
-        return [replace(case, family=entry.family, look=entry.look)]
+        return [replace(case, family=entry.family, look=entry.look, mission=task)]
     key = "world" if entry.world is not None else "worlds"
     with suite.locating(index, key):
         if entry.world is not None:
             files = [find("world", entry.world)]
         else:
             files = _world_files(worlds or suite.file.parent / (entry.worlds or ""))
-    if entry.explore is not None:
-        starts = [(file, file.parent / "missions" / "explore.yaml") for file in files]
+    if task:
+        starts = [(file, file.parent / "missions" / f"{task}.yaml") for file in files]
         return [
             replace(case, world=str(w.absolute()), mission=str(m.absolute())) for w, m in starts
         ]

@@ -28,6 +28,7 @@ from navfw.suite.run_row import RunKey, RunRow
 from navfw.suite.suite_folder import SuiteFolder
 from navfw.suite.suite_plan import SuitePlan
 from navfw.suite.suite_summary import summarize
+from navfw.suite.taught_maps import driven_session
 from navfw.suite.worker_pool import WorkerFailure, WorkerPool, stop_requested
 
 
@@ -182,7 +183,7 @@ def run_case(case: Case) -> RunRow:
     began = time.process_time()
     return_freed_memory()  # of the run before
     try:
-        session = case.session(_registry())
+        session = driven_session(case, _registry())
         result = session.run(_stop_on_request, record=case.record != "none")
         row = _keep(RunRow.of(case.columns, result), case, result)
         return replace(

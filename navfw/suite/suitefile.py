@@ -15,6 +15,7 @@
         events: [{at: 8, lasting: 6, camera: black}]
         expect: arrival
       - {name: map it, family: rooms, explore: {limit: 600}}   # instead of a mission
+      - {world: office, taught: {source: tour}}   # on a map that is made before
       - worlds: ../imported           # a folder of worlds, each with its missions; see --worlds
     variants:                         # every run is made with each variant
       default: {}
@@ -63,6 +64,27 @@ def _ascending(interval: tuple[float, float]) -> tuple[float, float]:
     return interval
 
 
+class TaughtSpec(StrictModel):
+    """A map that is made before, and missions between random places of it."""
+
+    source: Annotated[
+        Literal["tour", "explore"],
+        Field(description="what shows the world: a recorded tour of its map's places, or explore"),
+    ] = "tour"
+    limit: Annotated[
+        float, Field(gt=0.0, le=7200.0, description="time of the tour or exploration [s]")
+    ] = 1500.0
+    seeds: Annotated[
+        int, Field(ge=1, le=10_000, description="seeds in turn that share a map, and its world")
+    ] = 20
+    start: Annotated[
+        Literal["known", "unknown"], Field(description="whether the stack gets the start pose")
+    ] = "known"
+    moved: Annotated[
+        float, Field(ge=0.0, le=1.0, description="share of the furniture that is moved afterwards")
+    ] = 0.0
+
+
 class EntrySpec(StrictModel):
     """An entry of a suite: a world, a folder of worlds, or a family of generated worlds."""
 
@@ -81,6 +103,10 @@ class EntrySpec(StrictModel):
     explore: Annotated[
         ExploreSpec | None,
         Field(description="explore each world, from the start of its first mission: {limit: 600}"),
+    ] = None
+    taught: Annotated[
+        TaughtSpec | None,
+        Field(description="between places of a map that is made before: {source: tour}"),
     ] = None
     worlds: Annotated[
         str | None, Field(description="a folder of worlds; relative to the suite file")
@@ -130,8 +156,11 @@ class EntrySpec(StrictModel):
             raise ValueError("look is for a family of generated worlds without contrast")
         if self.family is not None and self.missions is not None:
             raise ValueError("a generated world has one mission of its own: leave out missions")
-        if self.explore is not None and (self.missions is not None or self.pairs):
-            raise ValueError("explore takes the place of missions: leave out missions and pairs")
+        for key in ("explore", "taught"):
+            if getattr(self, key) is not None and (self.missions is not None or self.pairs):
+                raise ValueError(f"{key} takes the place of missions: leave out missions and pairs")
+        if self.explore is not None and self.taught is not None:
+            raise ValueError("expected explore, or taught: {source: explore}; got both")
         if self.family is not None and self.pairs:
             raise ValueError("pairs are for worlds that have missions")
         return self
@@ -170,6 +199,9 @@ class VariantSpec(StrictModel):
     package: Annotated[
         str | None, Field(description="an installed package that it needs; without, it is skipped")
     ] = None
+    given_map: Annotated[
+        bool, Field(description="entries with taught: the same missions, on the world's own map")
+    ] = False
 
     @property
     def overrides(self) -> tuple[str, ...]:
