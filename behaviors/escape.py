@@ -14,6 +14,8 @@ MAX_TIME = 7.0
 """Longest duration of one escape [s]."""
 LITTLE = 0.1
 """Length ahead [m] below which the way counts as unseen, and least reverse to look again."""
+HELD = 0.15
+"""Distance [m] within which the robot goes to and fro."""
 REPEAT_TIME = 15.0
 """Time within which the next one repeats it [s]."""
 
@@ -48,12 +50,15 @@ class Escape(RuledBehavior):
         self._target = 0.0
         self._still_since: float | None = None
         self._barred_since: float | None = None
+        self._held_since: float | None = None
+        self._held_at = (0.0, 0.0)
 
     def propose(self, context: Context) -> Proposal:
         """Watch whether the robot is trapped; if so, desire to reverse, then to turn."""
         self._watch(context)
         verdict = self.rules.evaluate(
             standing=_since(self._still_since, context.time),
+            held=_since(self._held_since, context.time),
             barred=_since(self._barred_since, context.time),
             idle=context.idle,
         )
@@ -66,12 +71,18 @@ class Escape(RuledBehavior):
         return self._lead(context, verdict.explain)
 
     def _watch(self, context: Context) -> None:
-        """Update the times since the robot stands still, and since every path is barred."""
+        """Update the times since the robot stands, is held on a spot, and every path is barred."""
         still = abs(context.twist.v) < 0.02 and abs(context.twist.w) < 0.2
         if not still or context.waypoint is None or context.previous is None:
             self._still_since = None
         elif self._still_since is None:
             self._still_since = context.time
+        at = context.pose.x, context.pose.y
+        away = self._held_since is None or math.dist(at, self._held_at) > HELD
+        if context.waypoint is None or context.previous is None:
+            self._held_since = None
+        elif away:
+            self._held_since, self._held_at = context.time, at
         if not context.barred:
             self._barred_since = None
         elif self._barred_since is None:
@@ -103,7 +114,7 @@ class Escape(RuledBehavior):
         if self._phase != "watch" and (looked or turned or too_long):
             self._phase = "watch"
             self._ended = context.time
-            self._still_since = self._barred_since = None
+            self._still_since = self._barred_since = self._held_since = None
 
     def _freest(self, context: Context) -> float:
         """Return the turn [rad] to the freest direction, preferably near the local goal."""

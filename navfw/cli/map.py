@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -29,8 +30,8 @@ _OverWorld = Annotated[
 
 def add_to(app: typer.Typer) -> None:
     """Add ``map`` with its commands."""
-    group = command_group("Show, check, build, teach, convert and learn maps, and plan on them.")
-    commands = (show, check, build, teach, name, plan, learn_landmarks, learn_situations)
+    group = command_group("Show, check, compare, build, teach and convert maps; plan on them.")
+    commands = (show, check, diff, build, teach, name, plan, learn_landmarks, learn_situations)
     for command in (*commands, convert, export):
         group.command()(command)
     app.add_typer(group, name="map")
@@ -101,6 +102,30 @@ def check(
         print_table(["problem", "where", ""], cells, f"{topo_map.name}: no problems")
     if problems:
         raise typer.Exit(1)
+
+
+def diff(
+    before: Annotated[str, typer.Argument(metavar="A", help="Name or file of a map.")],
+    after: Annotated[str, typer.Argument(metavar="B", help="Name or file of a later map.")],
+    world: _OverWorld = None,
+    out: Annotated[Path | None, typer.Option(help="PNG file to draw the changes to.")] = None,
+    json: Json = False,
+) -> None:
+    """List what has changed from one map to another: doors, passages, furniture that is gone."""
+    from navfw.mapping import changes_between
+
+    with quiet_stdout():
+        old, new = _find_map(before), _find_map(after)
+        changes = changes_between(old, new)
+        if out is not None:
+            from navfw.recording.plan_picture import draw_map
+
+            draw_map(out, old, _outline_for(old, world), changes=changes)
+    picture = None if out is None else str(out)
+    data = {"a": old.name, "b": new.name, "picture": picture}
+    lines = [*map(str, changes), *([] if out is None else [f"picture {out}"])] or ["no changes"]
+    rows = [asdict(change) for change in changes]
+    print_result(plain_json({**data, "changes": rows}), lines, json=json)
 
 
 def build(

@@ -305,6 +305,8 @@ def _explored_rows(explored: Mapping[str, Any] | None) -> dict[str, str]:
 def _print_result(summary: Mapping[str, Any]) -> None:
     from rich.text import Text
 
+    from navfw.mapping import MapChange
+
     objections = summary["objections"]
     good = summary["outcome"] == "reached" and not objections
     leader = f" (leading behaviour {summary['behavior']})" if summary["behavior"] else ""
@@ -331,6 +333,7 @@ def _print_result(summary: Mapping[str, Any]) -> None:
         "commands": summary["command_hash"][:16],
         "run folder": summary["run_folder"] or "none, the result could not be written",
     }
-    faults = (("fault", fault) for fault in summary["faults"])
-    for name, text in (*rows.items(), *faults):
+    faults = [("fault", fault) for fault in summary["faults"]]
+    changes = [("changed", str(MapChange(**one))) for one in summary.get("map_changes", ())]
+    for name, text in (*rows.items(), *changes, *faults):
         echo(f"  {name:<11} {text}")

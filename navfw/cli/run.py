@@ -73,8 +73,16 @@ class RunOptions:
             help="Of an exploration: map to write, as maps/NAME.yaml or a .yaml file.",
         ),
     ] = None
+    keep_map: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Map to write: that of the mission, corrected by what was seen, as maps/NAME.yaml "
+            "or a .yaml file.",
+        ),
+    ] = None
     force: Annotated[
-        bool, typer.Option("--force", help="Let --out-map replace an earlier map.")
+        bool, typer.Option("--force", help="Let --out-map and --keep-map replace an earlier map.")
     ] = False
     seed: Annotated[
         int, typer.Option(min=0, help="Seed of all noise; the same one gives the same commands.")
@@ -200,11 +208,12 @@ def _drive(request: RunOptions) -> tuple[MissionResult, Path | None, tuple[str, 
     from navfw.recording.video_output import check_video
     from navfw.robot.urdf_measures import robot_notes
     from navfw.sim.engine import check_display
-    from navfw.topomap.map_formats import save_map
 
-    mission, out_map = _target(request), None
-    if request.out_map is not None:
-        out_map = options.map_file(request.out_map, "--out-map", request.force)
+    mission = _target(request)
+    out_map, kept_map = (
+        None if name is None else options.map_file(name, option, request.force)
+        for name, option in ((request.out_map, "--out-map"), (request.keep_map, "--keep-map"))
+    )
     if request.gui:
         check_display()
     if request.video is not None:
@@ -235,9 +244,7 @@ def _drive(request: RunOptions) -> tuple[MissionResult, Path | None, tuple[str, 
                 )
             announce(driven=True)
             missing = write_run(result, target)
-            if out_map is not None:
-                save_map(result.explored_map(out_map.stem), out_map)
-                echo(f"map: {out_map}", err=True)
+            _write_maps(result, out_map, kept_map)
         if server is not None:
             if request.stay:
                 echo("live: the run has ended; Ctrl-C ends the server", err=True)
@@ -248,6 +255,16 @@ def _drive(request: RunOptions) -> tuple[MissionResult, Path | None, tuple[str, 
         missing = (str(error),)
     folder = target.path if target.final is None and target.kept else target.final
     return result, folder, (*missing, *_write_video(request, target.final))
+
+
+def _write_maps(result: MissionResult, out_map: Path | None, kept_map: Path | None) -> None:
+    """Write the map of an exploration, and the mission's map as it was corrected."""
+    from navfw.topomap.map_formats import save_map
+
+    for file, made in ((out_map, result.explored_map), (kept_map, result.corrected_map)):
+        if file is not None:
+            save_map(made(file.stem), file)
+            echo(f"map: {file}", err=True)
 
 
 def _prepared(request: RunOptions, mission: str | Destination | None) -> Session:
@@ -265,6 +282,8 @@ def _prepared(request: RunOptions, mission: str | Destination | None) -> Session
     if request.out_map is not None and session.mission.spec.explore is None:
         what = "is for explorations: give --explore, or such a mission"
         raise InputError(what, key="--out-map")
+    if request.keep_map is not None and session.mission.spec.explore is not None:
+        raise InputError("an exploration has no map to correct; give --out-map", key="--keep-map")
     return session
 
 

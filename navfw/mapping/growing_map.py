@@ -249,6 +249,18 @@ class GrowingMap:
         canvas.merge(KeyPose(newest, self.pose))
         return GrownGrid(canvas.cells, canvas.origin, canvas.cell)
 
+    def last_seen(self, x: float, y: float) -> float | None:
+        """Return the time [s] of the last submap around the point x, y [m, map]; None without."""
+        cell = 1.0 if self._grid is None else self._grid.cell
+        for key in reversed(self.keys):
+            at_x, at_y = key.correction.to_local(x, y)
+            column = round((at_x - key.submap.corner[0]) / cell)
+            row = round((at_y - key.submap.corner[1]) / cell)
+            rows, columns = key.submap.evidence.shape
+            if 0 <= row < rows and 0 <= column < columns and key.submap.evidence[row, column]:
+                return key.submap.time
+        return None
+
     @property
     def drops(self) -> Array:
         """Spots (n, 2) [m, map] whose floor is missing."""

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from navfw.errors import WorldError
+from navfw.mapping import MapChange
 from navfw.missions.exploration_result import ExplorationResult
 from navfw.missions.mission_events import EventRecord
 from navfw.missions.outcome import Outcome
@@ -99,7 +100,8 @@ class RunResult(RunMetrics):
     source. ``faults`` are what plugins did wrong, ``objections`` the plugins that failed in more
     than a tenth of their calls, but for those that the mission's events made fail. ``notes``
     say what the planner found to differ from the map. ``exploration`` is what an exploration
-    observed, None for other missions.
+    observed, None for other missions. ``map_changes`` say how the building was seen to differ
+    from the map.
     """
 
     outcome: Outcome
@@ -122,6 +124,7 @@ class RunResult(RunMetrics):
     notes: str
     events: tuple[EventRecord, ...]
     exploration: ExplorationResult | None = None
+    map_changes: tuple[MapChange, ...] = ()
 
     def summary(self) -> dict[str, Any]:
         """The content of ``navfw run --json``: one flat object, the outcome first."""
@@ -133,6 +136,7 @@ class RunResult(RunMetrics):
             "contacts": [*map(asdict, self.contacts)],
             "events": [event.as_data() for event in self.events],
             "exploration": None if self.exploration is None else self.exploration.as_data(),
+            "map_changes": [asdict(change) for change in self.map_changes],
         }
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from navfw.errors import InputError
-from navfw.mapping import made_map
+from navfw.mapping import MapChange, changes_between, corrected_map, made_map
 from navfw.missions.exploration_result import ExplorationResult, measure_exploration
 from navfw.missions.mission_events import EventClock, EventRecord
 from navfw.missions.missionfile import MissionFile
@@ -312,6 +312,7 @@ class MissionResult(RunResult):
             notes=stack.state.notes,
             events=drive.events.log,
             exploration=explored,
+            map_changes=() if explored is not None else _map_changes(session),
             session=session,
             verdict=verdict,
             log=log,
@@ -333,6 +334,12 @@ class MissionResult(RunResult):
         radius = self.session.mission.spec.robot.radius
         return made_map(Path(name).stem, growing.grid, radius, growing.drops)
 
+    def corrected_map(self, name: str) -> TopoMap:
+        """The mission's map as ``name``, with ``map_changes``; MapError if nothing is left."""
+        stack, radius = self.session.stack, self.session.mission.spec.robot.radius
+        known = getattr(stack.planner.plugin, "topo_map", None) or stack.topo_map
+        return corrected_map(known, stack.growth.growing_map.grid, self.map_changes, radius, name)
+
     @property
     def exit_code(self) -> int:
         """That of ``navfw run``: 0 for an accomplished mission without objections, else 1.
@@ -352,6 +359,18 @@ def _stage_times(stack: Stack, simulation: Simulation, sim_time: float) -> dict[
         stages["landmark_frames"] = spent.landmarks
     frames = max(1.0, sim_time * stack.robot.camera.rate)
     return {name: 1e3 * t / frames for name, t in {**stages, **stack.timings}.items()}
+
+
+def _map_changes(session: Session) -> tuple[MapChange, ...]:
+    """How the building was seen to differ from the map that the robot was given."""
+    stack = session.stack
+    growing = stack.growth.growing_map
+    if not growing.begun:
+        return ()
+    growing.finish()
+    closed, ways = (getattr(stack.planner.plugin, name, ()) for name in ("closed", "found"))
+    tracks = [(str(way), way.track) for way in ways]
+    return tuple(changes_between(stack.topo_map, growing.grid, closed, tracks, growing.last_seen))
 
 
 def _exploration(

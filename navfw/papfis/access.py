@@ -16,7 +16,7 @@ import numpy as np
 
 from navfw.numerics.products import product
 from navfw.papfis.edge_costs import EdgeCosts
-from navfw.topomap import Passage, PassageProjection, Place, TopoMap
+from navfw.topomap import Passage, PassageProjection, TopoMap
 
 _DISTANCE_SLACK = 0.1  # chosen
 """Passages up to this much farther than the nearest accessible one are used too [m]."""
@@ -59,7 +59,7 @@ class Doorways:
     def __init__(self, topo_map: TopoMap) -> None:
         centers, normals = [], []
         for place in topo_map.places.values():
-            normal = door_normal(topo_map, place) if place.kind == "door" else None
+            normal = topo_map.door_normal(place) if place.kind == "door" else None
             if normal is not None:
                 centers.append((place.x, place.y))
                 normals.append(normal)
@@ -173,14 +173,3 @@ def _foot(topo_map: TopoMap, projection: PassageProjection) -> tuple[float, floa
     a, b = topo_map.places[projection.passage.a], topo_map.places[projection.passage.b]
     share = projection.share
     return a.x + share * (b.x - a.x), a.y + share * (b.y - a.y)
-
-
-def door_normal(topo_map: TopoMap, door: Place) -> tuple[float, float] | None:
-    """Return the unit direction through a door, by its one or two passages; None if unclear."""
-    beyond = [topo_map.places[p.other(door.name)] for p in topo_map.passages_at(door.name)]
-    if len(beyond) not in {1, 2}:
-        return None
-    start = beyond[1] if len(beyond) == 2 else door
-    dx, dy = beyond[0].x - start.x, beyond[0].y - start.y
-    length = math.hypot(dx, dy)
-    return None if length == 0.0 else (dx / length, dy / length)

@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
-from navfw.papfis.access import door_normal
 from navfw.signals import Waypoint
 from navfw.topomap import TopoMap
 
@@ -32,7 +31,7 @@ class FoundDoors:
         """Return the unit direction through a door; None for another place, or if unclear."""
         is_door = waypoint.kind == "door"
         return (
-            door_normal(self._topo_map, self._topo_map.places[waypoint.place]) if is_door else None
+            self._topo_map.door_normal(self._topo_map.places[waypoint.place]) if is_door else None
         )
 
     def as_found(self, waypoint: Waypoint) -> Waypoint:

@@ -32,6 +32,8 @@ _GAPS = np.ones((3, 3), np.uint8)  # defined
 """Structuring element that closes gaps of up to two cells between the rays of sparse flow."""
 _SPECK = 0.06  # chosen
 """Area [m^2] of unseen ground amid free ground that counts as free: a few rays wide."""
+_SPOT = 0.03  # chosen
+"""Area [m^2] of the largest occupied spot that is looked at once more if it bars what is beyond."""
 _STANDING, _STANDING_PRICE = 0.35, 5.0  # chosen
 """Distance [m] from the robot up to which observed ground is passable at this price, whatever is
 near: the body stands there and may drive off."""
@@ -249,6 +251,17 @@ class KnownGround:
         length = float(np.hypot(*np.diff(path, axis=0).T).sum()) + math.dist(path[-1], (x, y))
         clearance = float(self.room_at(path[min(len(path) - 1, 3) :]).min())
         return Frontier(x, y, gain, length, clearance, (float(ahead[0]), float(ahead[1])))
+
+
+def without_spots(grid: GrownGrid) -> GrownGrid:
+    """Return ``grid`` with small occupied spots as unseen: one may be an error, worth another look.
+
+    A false spot in a doorway closes a room.
+    """
+    labels, small = small_spots(grid.occupied, _SPOT / grid.cell**2, 8)
+    evidence = grid.log_odds.copy()
+    evidence[small[labels]] = 0
+    return GrownGrid(evidence, grid.origin, grid.cell)
 
 
 def without_specks(free: Mask, occupied: Mask, largest: float) -> Mask:

@@ -150,12 +150,22 @@ class WaySearch:
             ground.price[away <= _SHUN] += _SHUNNED
 
 
-def found_way(
-    router: Router, track: Sequence[Point], radius: float
-) -> tuple[list[Place], list[Passage]] | None:
-    """Return the places and passages along ``track`` (x, y) [m], which the robot has driven.
+@dataclass(frozen=True, slots=True)
+class FoundWay:
+    """A way from one place of the map to another, along ``track`` (x, y) [m], that it has not."""
 
-    None if the map connects its ends in another way. ``radius`` [m] is that of the body.
+    places: tuple[Place, ...]
+    passages: tuple[Passage, ...]
+    track: tuple[Point, ...]
+
+    def __str__(self) -> str:
+        return f"way from {self.passages[0].a} to {self.passages[-1].b}"
+
+
+def found_way(router: Router, track: Sequence[Point], radius: float) -> FoundWay | None:
+    """Return the way along ``track`` (x, y) [m], which a body of ``radius`` [m] has driven.
+
+    None if the map connects its ends in another way.
     """
     ends = [Endpoint(*track[0]), Endpoint(*track[-1])]
     try:
@@ -171,13 +181,13 @@ def found_way(
         return None
     line = cv2.approxPolyDP(np.array(track, np.float32)[:, None], _STRAIGHT, closed=False)
     number = sum(name.startswith(_FOUND) for name in known)
-    places = [
+    places = tuple(
         Place(f"{_FOUND}{number + k}", round(float(x), 2), round(float(y), 2))
         for k, (x, y) in enumerate(line[:, 0].tolist(), 1)
-    ]
+    )
     ways = [router.topo_map.places[first], *places, router.topo_map.places[last]]
     width = round(2.0 * (radius + _SPARE), 2)
-    passages = [
+    passages = tuple(
         Passage(a.name, b.name, max(a.distance(b.x, b.y), 0.01), width) for a, b in pairwise(ways)
-    ]
-    return places, passages
+    )
+    return FoundWay(places, passages, tuple(track))

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.transforms import Bbox
 
+    from navfw.mapping import MapChange
     from navfw.papfis import Route
 
 _MARKERS = {"circle": "o", "diamond": "D", "square": "s", "star": "*", "x": "x", "cross": "X"}
@@ -223,6 +224,12 @@ _PASSAGE = Style("#7FA7C9", label="passage")
 _DANGEROUS = Style(_DANGER, label="dangerous passage")
 _BAND_OPACITY = 0.13
 _CLOSED = Style(edge=_DANGER, width=2.4, marker="x", size=10.0, label="closed")
+_CHANGES = {
+    "closed": _CLOSED,
+    "moved": Style(edge="#B07000", width=2.4, marker="diamond", size=10.0, label="moved"),
+    "new": Style(edge="#008040", width=2.4, marker="circle", size=11.0, label="new"),
+    "gone": Style(edge="#606060", width=2.0, marker="square", size=10.0, label="gone"),
+}
 _ROUTE = Style(GOAL, width=3.0, opacity=0.8, label="route")
 _START = Style(START, size=9.0, label="start")
 _GOAL = Style(GOAL, marker="star", size=14.0, label="goal")
@@ -238,11 +245,12 @@ def draw_map(
     outline: WorldOutline | None = None,
     route: Route | None = None,
     avoid: Sequence[Sequence[str]] = (),
+    changes: Sequence[MapChange] = (),
 ) -> None:
     """Write the picture as PNG; passages are drawn to scale, up to a width of 2 m.
 
     With a ``route`` its places alone are named. ``avoid`` has the two ends of each passage that is
-    crossed out.
+    crossed out. With ``changes`` these alone are named.
     """
     points = np.array([(place.x, place.y) for place in topo_map.places.values()])
     world = WorldOutline() if outline is None else outline
@@ -263,8 +271,14 @@ def draw_map(
         draw_shapes(axes, [Line(way, _ROUTE)], zorder=5.0)
         draw_shapes(axes, [Marks(way[:1], _START), Marks(way[-1:], _GOAL)], zorder=7.0)
         _draw_arrows(axes, way)
+    for kind, style in _CHANGES.items():
+        at = np.array([(c.x, c.y) for c in changes if c.kind == kind]).reshape(-1, 2)
+        draw_shapes(axes, [Marks(at, style)] if len(at) else [], zorder=8.0)
     labels = PathLabels(axes, way, zorder=9)
-    for name in sorted(topo_map.places, key=len) if route is None else route.places:
+    for change in changes:
+        labels.write(change.what, (change.x, change.y), _NAME)
+    named = sorted(topo_map.places, key=len) if route is None else route.places
+    for name in () if changes else named:
         labels.write(name, (topo_map.places[name].x, topo_map.places[name].y), _NAME)
     about = f"{len(topo_map.places)} places, {len(topo_map.passages)} passages"
     if route is not None:

@@ -55,6 +55,14 @@ class GrownGrid(Frozen):
         """Return the cells (n, 2: row, column) at ``points`` (n, 2) [m, map], outside it too."""
         return np.rint((points[:, ::-1] - self.origin[::-1]) / self.cell).astype(np.int64)
 
+    def evidence_at(self, points: Array) -> Evidence:
+        """Return the evidence (n,) at ``points`` (n, 2) [m, map]; 0 outside the grid."""
+        cells = self.cells_at(points)
+        inside = ((cells >= 0) & (cells < self.log_odds.shape)).all(axis=1)
+        evidence = np.zeros(len(points), np.int8)
+        evidence[inside] = self.log_odds[cells[inside, 0], cells[inside, 1]]
+        return evidence
+
     def centres(self, cells: Indices) -> Array:
         """Return the centres (n, 2) [m, map] of ``cells`` (n, 2: row, column)."""
         return np.asarray(cells[:, ::-1] * self.cell + self.origin, dtype=np.float64)

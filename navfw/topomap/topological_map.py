@@ -6,6 +6,7 @@ Lengths in metres, positions in the ``map`` frame (REP-105).
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -153,6 +154,16 @@ class TopoMap(Sealed):
         """Return the passages that end at ``place``, in the order of the map."""
         self.place(place)
         return tuple(data["passage"] for data in self._graph[place].values())
+
+    def door_normal(self, door: Place) -> tuple[float, float] | None:
+        """Return the unit direction through a door, by its one or two passages; None if unclear."""
+        beyond = [self.places[p.other(door.name)] for p in self.passages_at(door.name)]
+        if len(beyond) not in {1, 2}:
+            return None
+        start = beyond[1] if len(beyond) == 2 else door
+        dx, dy = beyond[0].x - start.x, beyond[0].y - start.y
+        length = math.hypot(dx, dy)
+        return None if length == 0.0 else (dx / length, dy / length)
 
     @functools.cached_property
     def parts(self) -> tuple[frozenset[str], ...]:
