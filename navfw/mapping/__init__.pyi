@@ -1,5 +1,4 @@
 from .growing_map import GrowingMap as GrowingMap
-from .growing_map import GrowingMapParams as GrowingMapParams
 from .joining import join as join
 from .map_changes import MapChange as MapChange
 from .map_changes import changes_between as changes_between

@@ -10,12 +10,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Annotated
 
 import numpy as np
-from pydantic import Field
 
-from navfw.config.strict_model import StrictModel
 from navfw.localization.plan_field import PlanScan, ScanMemory, scan_of
 from navfw.localmap import LocalMap
 from navfw.mapping.evidence_grid import EvidenceGrid, KeyPose
@@ -36,6 +33,9 @@ _EXACT, _POINTS = 0.15, 400  # measured
 _KEPT = 150  # chosen
 """About how many points are kept for each key pose."""
 
+_KEY_DISTANCE, _KEY_TURN = 1.2, 0.8  # chosen
+"""Distance driven [m], or turn [rad], between key poses."""
+
 _NO_SCAN = PlanScan(np.empty((0, 2)), np.empty(0), np.empty((0, 2)))  # defined
 
 _UNRELATED = 100.0  # chosen
@@ -45,30 +45,18 @@ _SETTLED = 0.02  # chosen
 """Distance [m], or turn [rad] by 1 m, that no key pose may have moved for the grid to stay."""
 
 
-class GrowingMapParams(StrictModel):
-    """When a key pose is taken."""
-
-    key_distance: Annotated[
-        float, Field(gt=0.0, le=10.0, description="distance driven between key poses [m]")
-    ] = 1.2
-    close_loops: Annotated[
-        bool, Field(description="correct the poses where the robot sees earlier ground again")
-    ] = True
-    key_turn: Annotated[
-        float, Field(gt=0.0, le=10.0, description="turn between key poses [rad]")
-    ] = 0.8
-
-
 class GrowingMap:
     """Joins what one robot's local map observes to a grid in the frame ``map``.
+
+    With ``close_loops`` the poses are corrected where the robot sees earlier ground again.
 
     ``correction`` is the pose of ``odom`` in ``map``. ``keys`` are the key poses so far, ``clouds``
     some of the points seen around each.
     """
 
-    def __init__(self, robot: RobotModel, params: GrowingMapParams | None = None) -> None:
+    def __init__(self, robot: RobotModel, close_loops: bool = True) -> None:
         self.robot = robot
-        self.params = params or GrowingMapParams()
+        self._close_loops = close_loops
         self._cutter = SubmapCutter()
         self.reset()
 
@@ -123,7 +111,7 @@ class GrowingMap:
         if percept is not None and seen_from is not None:
             self._remember(percept, seen_from)
         self._turned += abs(step.yaw)
-        if self._driven < self.params.key_distance and self._turned < self.params.key_turn:
+        if self._driven < _KEY_DISTANCE and self._turned < _KEY_TURN:
             return False
         self.finish()
         return True
@@ -143,7 +131,7 @@ class GrowingMap:
         self._merged += 1
         self._recent.forget(self._path - _NEAR)
         self.clouds.append(self._recent.cloud(odom, _KEPT) if len(self._recent) else _NO_SCAN)
-        if self.params.close_loops and len(self._recent):
+        if self._close_loops and len(self._recent):
             near, far = (scans.cloud(odom, _POINTS) for scans in (self._recent, self._scans))
             self._close(self.loops.observe(self.keys, near, far, self._grid.cell))
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from navfw.guard.guarded_stages import GuardedPlanner
 from navfw.localmap import LocalMap
-from navfw.mapping import GrowingMap, GrowingMapParams
+from navfw.mapping import GrowingMap
 from navfw.robot import RobotModel
 from navfw.signals import Belief, OccupiedDisc, Odometry, Percept, Pose
 
@@ -28,7 +28,7 @@ class MapGrowth:
 
     def __init__(self, robot: RobotModel, corrects: bool) -> None:
         self._corrects = corrects
-        self.growing_map = GrowingMap(robot, GrowingMapParams(close_loops=corrects))
+        self.growing_map = GrowingMap(robot, close_loops=corrects)
         self.reset(None)
 
     def reset(self, pose: Pose | None) -> None:

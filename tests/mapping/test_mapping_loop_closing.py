@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mapping_scenes import ROBOT, ROOM, drifted, drive, poses_along
 
-from navfw.mapping import GrowingMap, GrowingMapParams
+from navfw.mapping import GrowingMap
 from navfw.mapping.sharpening import sharpened
 from navfw.signals import wrap_angle
 from navfw.signals.grown_grid import FREE_BELOW, OCCUPIED_FROM, Evidence
@@ -18,7 +18,7 @@ TWICE = ((0.0, 0.0), (4.0, 0.0), (5.0, -1.0), (4.0, 0.0), (0.0, 0.0), (-1.0, 1.0
 
 def driven(close_loops: bool, turn: float) -> tuple[GrowingMap, float]:
     """The map of two rounds by an odometry that turns too far; error of its last heading."""
-    growing = GrowingMap(ROBOT, GrowingMapParams(close_loops=close_loops))
+    growing = GrowingMap(ROBOT, close_loops=close_loops)
     truth = list(poses_along(TWICE))
     drive(growing, ROOM, truth, drifted(truth, turn))
     assert math.dist((growing.pose.x, growing.pose.y), (truth[-1].x, truth[-1].y)) < 0.1

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mapping_scenes import ROBOT, ROOM, ROUND, drifted, drive, inside, poses_along
 
-from navfw.mapping import GrowingMap, cleaned_grid, join, made_map
+from navfw.mapping import GrowingMap, join, made_map
+from navfw.mapping.map_making import cleaned_grid
 from navfw.signals import GrownGrid, Pose
 from navfw.signals.grown_grid import Evidence
 from navfw.topomap.map_check import check_map
