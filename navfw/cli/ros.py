@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -9,17 +11,22 @@ from typer.core import TyperCommand
 
 from navfw.cli import options
 from navfw.cli.options import completer_of
-from navfw.cli.output import print_result, quiet_stdout
+from navfw.cli.output import NOT_SAVED, print_result, quiet_stdout
 from navfw.cli.warm import compile_with_progress
+from navfw.errors import InputError
+from navfw.process.interruption import deferred
 from navfw.recording.run_folder import plain_json
 
 if TYPE_CHECKING:
     from navfw.ros import DriveOptions
-    from navfw.signals import Pose, Waypoint
+    from navfw.signals import Waypoint
+    from navfw.stack import Stack
     from navfw.topomap import TopoMap
 
 _ROS_ARGS = "--ros-args"
 _MAP_OF_NOTHING = "empty"
+_EXPLORE, _ORIGIN, _AT_HOME = "explore", "0,0,0", 0.15
+"""The stack that explores and maps, its start, and the distance [m] at which it is back there."""
 
 group = options.command_group("Drive a robot of ROS 2, or be one.")
 
@@ -38,35 +45,38 @@ class _RosCommand(TyperCommand):
         return super().parse_args(ctx, args[:at])
 
 
+_MAP = typer.Option("--map", help="Name or file of a map.", autocompletion=completer_of("map"))
+_STACK = typer.Option(
+    help="Name or file of a stack [default: floor_plan with a floor plan, explore to teach, or"
+    " default].",
+    autocompletion=completer_of("stack"),
+)
+_GOAL = typer.Option(metavar="PLACE", help="Place, or X,Y [m]; repeatable. Ends at the last one.")
+_TOLERANCE = typer.Option(min=0.02, max=5.0, help="Distance at which a goal is reached [m].")
+_TEACH = typer.Option(
+    metavar="NAME",
+    help="Command nothing, and make the map maps/NAME.yaml, or of a .yaml file, while another node"
+    " steers.",
+)
+_START = typer.Option(metavar="X,Y,YAW", help="Pose in the map [m, m, rad], or a place.")
+_Lockstep = Annotated[
+    bool, typer.Option("--lockstep", help="With a robot in lock step: bit for bit.")
+]
+_Force = Annotated[bool, typer.Option("--force", help="Replace an earlier map of that name.")]
+
+
 @group.command(cls=_RosCommand)
 def drive(
     ctx: typer.Context,
     robot: options.Robot = None,
-    map_: Annotated[
-        str,
-        typer.Option("--map", help="Name or file of a map.", autocompletion=completer_of("map")),
-    ] = _MAP_OF_NOTHING,
-    stack: Annotated[
-        str | None,
-        typer.Option(
-            help="Name or file of a stack [default: floor_plan with a floor plan, or default].",
-            autocompletion=completer_of("stack"),
-        ),
-    ] = None,
-    start: Annotated[
-        str | None,
-        typer.Option(metavar="X,Y,YAW", help="Pose in the map [m, m, rad], or a place."),
-    ] = None,
-    goal: Annotated[
-        list[str] | None,
-        typer.Option(metavar="PLACE", help="Place, or X,Y [m]; repeatable. Ends at the last one."),
-    ] = None,
-    tolerance: Annotated[
-        float, typer.Option(min=0.02, max=5.0, help="Distance at which a goal is reached [m].")
-    ] = 0.3,
-    lockstep: Annotated[
-        bool, typer.Option("--lockstep", help="With a robot in lock step: bit for bit.")
-    ] = False,
+    map_: Annotated[str, _MAP] = _MAP_OF_NOTHING,
+    stack: Annotated[str | None, _STACK] = None,
+    start: Annotated[str | None, _START] = None,
+    goal: Annotated[list[str] | None, _GOAL] = None,
+    tolerance: Annotated[float, _TOLERANCE] = 0.3,
+    teach: Annotated[str | None, _TEACH] = None,
+    force: _Force = False,
+    lockstep: _Lockstep = False,
     json: options.Json = False,
 ) -> None:
     """Drive a robot of ROS 2: images, IMU and wheels in, cmd_vel out.
@@ -77,28 +87,103 @@ def drive(
     with quiet_stdout():
         from navfw.plugins import default_registry
         from navfw.robot.robotfile import load_robot
-        from navfw.ros import DriveNode, RosNode
+        from navfw.stack import MappingStack, Stack
+        from navfw.topomap import load_map
+
+        model, file = load_robot(robot or "default"), None
+        topo_map = load_map(map_)
+        if teach is None:
+            unnamed = "default" if topo_map.floor_plan is None else "floor_plan"
+            wanted = _options(topo_map, start, goal or [], tolerance, lockstep=lockstep)
+            made = Stack.load(stack or unnamed, model, topo_map, default_registry())
+            about = f"{robot or 'default'} on the map {map_} by {stack or unnamed}"
+        elif goal or map_ != _MAP_OF_NOTHING:
+            what = "needs no map and drives to no goal: leave out --map and --goal"
+            raise InputError(what, key="--teach")
+        else:
+            file = options.map_file(teach, "--teach", force)
+            wanted = _options(topo_map, start or _ORIGIN, [], tolerance, lockstep=lockstep)
+            made = MappingStack.load(stack or _EXPLORE, model, topo_map, default_registry())
+            about = f"another node steers {robot or 'default'}; the map is {file}"
+        ended, said, code = _drive(ctx, made, wanted, about, teach is not None, file, quiet=json)
+    _print_end(ended, said, json=json)
+    raise typer.Exit(code)
+
+
+@group.command(cls=_RosCommand)
+def explore(
+    ctx: typer.Context,
+    robot: options.Robot = None,
+    stack: options.Stack = _EXPLORE,
+    start: Annotated[str, _START] = _ORIGIN,
+    out_map: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Map to write, as maps/NAME.yaml or a .yaml file."),
+    ] = None,
+    force: _Force = False,
+    limit: Annotated[
+        float | None,
+        typer.Option(min=1.0, help="Time to be back at the start [s] [default: 600]."),
+    ] = None,
+    lockstep: _Lockstep = False,
+    json: options.Json = False,
+) -> None:
+    """Explore a building without a map with a robot of ROS 2, return, and save the map.
+
+    Ctrl-C ends it as well. Exit with 0 if the robot has returned; 3: the map was not saved.
+    """
+    with quiet_stdout():
+        from navfw.plugins import default_registry
+        from navfw.robot.robotfile import load_robot
         from navfw.stack import Stack
         from navfw.topomap import load_map
 
-        topo_map = load_map(map_)
-        unnamed = "default" if topo_map.floor_plan is None else "floor_plan"
-        wanted = _options(topo_map, start, goal or [], tolerance, lockstep=lockstep)
-        model = load_robot(robot or "default")
-        made = Stack.load(stack or unnamed, model, topo_map, default_registry())
-        _load_kernels(quiet=json)
-        node, driver = RosNode("navfw", ctx.meta[_ROS_ARGS]), None
-        try:
-            driver = DriveNode(node, made, wanted)
-            ended = driver.run(f"{robot or 'default'} on the map {map_} by {stack or unnamed}")
-        except KeyboardInterrupt:
-            ended = "ended by a signal"
-        finally:
-            node.close()
-    latency = driver.outputs.latency() if driver else {}
-    _print_end(ended, {"notes": node.notes, **latency}, json=json)
-    if wanted.once and ended != "reached":
-        raise typer.Exit(1)
+        file = None if out_map is None else options.map_file(out_map, "--out-map", force)
+        nothing, model = load_map(_MAP_OF_NOTHING), load_robot(robot or "default")
+        home = ",".join(start.split(",")[:2])
+        wanted = _options(nothing, start, [home], _AT_HOME, lockstep=lockstep)
+        limits = [] if limit is None else [f"explorer.limit={limit!r}"]
+        made = Stack.load(stack, model, nothing, default_registry(), limits)
+        about = f"{robot or 'default'} explores"
+        ended, said, code = _drive(ctx, made, wanted, about, True, file, quiet=json)
+    _print_end(ended, said, json=json)
+    raise typer.Exit(code)
+
+
+def _drive(
+    ctx: typer.Context,
+    stack: Stack,
+    wanted: DriveOptions,
+    about: str,
+    maps: bool,
+    file: Path | None,
+    *,
+    quiet: bool,
+) -> tuple[str, dict[str, Any], int]:
+    """Drive by ``stack``; how it ended, what to report, and the exit code.
+
+    If it ``maps``, the map is kept in ``file``, if any.
+    """
+    from navfw.ros import DriveNode, MapKeeper, RosNode
+
+    _load_kernels(quiet=quiet)
+    node, ended, said = RosNode("navfw", ctx.meta[_ROS_ARGS]), "ended by a signal", {}
+    try:
+        keeper = MapKeeper(node, stack, file) if maps else None
+        driver = DriveNode(node, stack, wanted, keeper)
+        with suppress(KeyboardInterrupt):
+            ended = driver.run(about)
+        code = int(wanted.once and ended != "reached")
+        if keeper is not None:
+            try:
+                with deferred():
+                    said = {**keeper.finish(), "left": stack.state.notes}
+            except InputError as error:
+                node.note(f"the map is not saved: {error}")
+                code = NOT_SAVED
+    finally:
+        node.close()
+    return ended, {"notes": node.notes, **said, **driver.outputs.latency()}, code
 
 
 def _load_kernels(*, quiet: bool) -> None:
@@ -145,6 +230,10 @@ def sim(
     ctx: typer.Context,
     world: options.World,
     mission: options.Mission = "",
+    explore: Annotated[
+        bool,
+        typer.Option("--explore", help="Instead of MISSION: from the start of the first one."),
+    ] = False,
     seed: Annotated[int, typer.Option(min=0, help="Seed of all noise.")] = 0,
     robot: options.Robot = None,
     pace: Annotated[
@@ -167,7 +256,9 @@ def sim(
         from navfw.ros import RosNode, RosPilot
 
         overrides = (*options.of_robot(robot), *(settings or ()))
-        loaded = prepare(world, mission, seed=seed, overrides=overrides)
+        if mission and explore:
+            raise InputError("give a mission or --explore, not both", key="--explore")
+        loaded = prepare(world, None if explore else mission, seed=seed, overrides=overrides)
         compile_with_progress(loaded=True, quiet=json)
         node = RosNode("navfw_sim", ctx.meta[_ROS_ARGS])
         simulation = loaded.simulation(gui)

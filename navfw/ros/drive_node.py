@@ -7,7 +7,7 @@ import json
 import math
 import threading
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -18,9 +18,10 @@ from navfw.recording import planar_pose, ros_message
 from navfw.recording.ros_messages import command_message, twist_fields
 from navfw.ros.connection import Quality, RosNode
 from navfw.ros.drive_outputs import DriveOutputs, text_message
+from navfw.ros.map_keeper import NAME_PLACE, MapKeeper
 from navfw.ros.sensor_inputs import TOLERANCE, SensorInputs, goal_at
 from navfw.signals import Pose, SensorReading, Twist, Waypoint
-from navfw.stack import Stack, halt
+from navfw.stack import MappingStack, Stack, halt
 
 _MAX_AGE = 0.2
 """Age [s] of the last command at which the robot is told to stand, whatever the stack does."""
@@ -55,6 +56,7 @@ TOPICS: Mapping[str, tuple[str, str]] = {
     "goal_pose": ("geometry_msgs/msg/PoseStamped", "a goal, as of RViz's button"),
     "goal_place": ("std_msgs/msg/String", "a goal by the name of a place"),
     "initialpose": ("geometry_msgs/msg/PoseWithCovarianceStamped", "where the robot is"),
+    NAME_PLACE: ("std_msgs/msg/String", "names the place where the robot is, on a growing map"),
 }
 """What the node takes in: type, and what it is."""
 
@@ -72,12 +74,17 @@ class DriveOptions:
 class DriveNode:
     """Drives one robot by ``stack``, until it is told to end; ``outputs`` tell what it does.
 
-    Parameters of the node: ``wheels`` (joints or odom), ``wheel_joints``, ``imu_rpy`` [rad],
-    ``compressed``, ``stamped_cmd_vel``.
+    A stack that only maps commands nothing. With a ``keeper`` of the map that grows there are no
+    other goals than those of ``options``, and no other start: the map begins there. Parameters of
+    the node: ``wheels`` (joints or odom), ``wheel_joints``, ``imu_rpy`` [rad], ``compressed``,
+    ``stamped_cmd_vel``.
     """
 
-    def __init__(self, node: RosNode, stack: Stack, options: DriveOptions) -> None:
-        self._node, self._stack, self._options = node, stack, options
+    def __init__(
+        self, node: RosNode, stack: Stack, options: DriveOptions, keeper: MapKeeper | None = None
+    ) -> None:
+        self._node, self._stack, self._options, self._keeper = node, stack, options, keeper
+        self._steers = not isinstance(stack, MappingStack)
         self._robot = stack.robot
         self._period = 1.0 / self._robot.control_rate
         joints = node.parameter("wheel_joints", ["", ""])
@@ -97,8 +104,10 @@ class DriveNode:
         self._sent = math.inf
         self._sending = threading.Lock()
         self._subscribe(node.parameter("wheels", "joints"), node.parameter("compressed", False))
-        velocity = "TwistStamped" if self._stamped else "Twist"
-        self._command = node.publisher("cmd_vel", f"geometry_msgs/msg/{velocity}")
+        self._command: Callable[[bytes], None] = lambda _: None
+        if self._steers:
+            velocity = "TwistStamped" if self._stamped else "Twist"
+            self._command = node.publisher("cmd_vel", f"geometry_msgs/msg/{velocity}")
         self._status = node.publisher("navfw/status", "std_msgs/msg/String", "latched")
         self.outputs = DriveOutputs(node, stack)
 
@@ -131,17 +140,24 @@ class DriveNode:
             node.subscribe("/tf_static", _TF, inputs.mounts, "latched")
             node.subscribe("odom", TOPICS["odom"][0], self._take_base, quality)
         node.subscribe("camera_info", TOPICS["camera_info"][0], self._compare_camera, quality)
+        if self._steers:
+            node.serve("stop", self._stop)
+            node.serve("resume", self._resume)
+        self._end_goal: Callable[[bool], None] = lambda _: None
+        if self._keeper is None:
+            self._subscribe_goals()
+        node.manage(lambda: self._held.discard(_INACTIVE), lambda: self._hold(_INACTIVE))
+
+    def _subscribe_goals(self) -> None:
+        node = self._node
         node.subscribe("goal_pose", TOPICS["goal_pose"][0], self._take_goal, "reliable")
         node.subscribe("goal_place", TOPICS["goal_place"][0], self._take_place, "reliable")
         node.subscribe("initialpose", TOPICS["initialpose"][0], self._take_start, "reliable")
-        node.serve("stop", self._stop)
-        node.serve("resume", self._resume)
         node.serve("cancel", self._cancel)
         kind = "nav2_msgs/action/NavigateToPose"
         self._end_goal = node.serve_action(
             "navigate_to_pose", kind, lambda goal: self._take_goal(goal.pose), self._cancel
         )
-        node.manage(lambda: self._held.discard(_INACTIVE), lambda: self._hold(_INACTIVE))
 
     # --- what comes in ---------------------------------------------------------------------------
 
@@ -225,7 +241,7 @@ class DriveNode:
     def _resume(self) -> str:
         self._held.discard(_STOPPED)
         state = self._stack.state
-        if state.fault is not None or state.stuck:
+        if self._keeper is None and (state.fault is not None or state.stuck):
             belief = state.belief
             self._start(None if belief is None or belief.lost else belief.pose)
         return "driving on" if not self._held else f"still {', '.join(self._held)}"
@@ -266,7 +282,7 @@ class DriveNode:
         if not readings:
             return ""
         state, at, lasted = self._stack.state, readings[-1].time, time.monotonic() - began
-        if lasted > _MAX_AGE and not self._options.lockstep:
+        if lasted > _MAX_AGE and self._steers and not self._options.lockstep:
             self._node.note(f"decisions take more than {_MAX_AGE} s: the robot stands meanwhile")
             self._halted = True
         stands = self._held or self._halted or state.fault or state.stuck
@@ -277,6 +293,8 @@ class DriveNode:
             self.outputs.latencies.append(max(0.0, age) + time.monotonic() - came_at)
             ended = self._ended() or ", ".join(self._held)
             self.outputs.tell(frame, self._base, ended, self._node.now())
+            if self._keeper is not None:
+                self._keeper.tell(self._node.now())
         if ended := self._ended():
             self._end_goal(ended == "reached")
         return ended if self._options.once and not self._held else ""
@@ -321,7 +339,7 @@ class DriveNode:
         if missing == self._missing:
             return
         self._missing = missing
-        stands = ": the robot stands" if len(missing) == len(self._heard) else ""
+        stands = ": the robot stands" if self._steers and missing == list(self._heard) else ""
         silent = f"nothing comes on {', '.join(missing)}{stands}"
         self._node.say(silent if missing else "all topics are heard again")
 
@@ -339,7 +357,8 @@ class DriveNode:
 
     def _stand(self) -> None:
         """Tell the robot to stand, until the next tick."""
-        if not self._options.lockstep:  # it waits for the command of its tick, as long as it takes
+        # in lock step it waits for the command of its tick, as long as it takes
+        if self._steers and not self._options.lockstep:
             self._halted = True
             self._send(_STAND)
 

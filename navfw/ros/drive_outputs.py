@@ -12,13 +12,14 @@ import cv2
 import numpy as np
 
 from navfw.localmap import OccupancyGrid
-from navfw.numerics import Image
+from navfw.numerics import Array, Image
 from navfw.perceive import draw_flow
 from navfw.recording import odometry_message, plain_json, ros_message
 from navfw.recording.ros_messages import pose_fields, transforms_message
 from navfw.ros.connection import RosNode
 from navfw.signals import Belief, Frame, Pose, Waypoint
 from navfw.stack import Stack, StackState
+from navfw.topomap.occupancy_map import Cells
 
 _GRID = "nav_msgs/msg/OccupancyGrid"
 TOPICS = {
@@ -78,7 +79,7 @@ class DriveOutputs:
         if self._turn_of("navfw/explanation"):
             send["navfw/explanation"](text_message(json.dumps(plain_json(stack.explain()))))
         if self._turn_of("navfw/local_map") and grid.located:
-            send["navfw/local_map"](grid_message(grid, now))
+            send["navfw/local_map"](local_map_message(grid, now))
         if self._turn_of("navfw/image/compressed"):
             send["navfw/image/compressed"](overlay_message(frame, state, camera.width, now))
         if self._turn_of("/diagnostics"):
@@ -119,16 +120,24 @@ def path_message(belief: Belief, path: Sequence[Waypoint], now: int) -> bytes:
     return _in("map", "nav_msgs/msg/Path", {"poses": poses}, now)
 
 
-def grid_message(grid: OccupancyGrid, now: int) -> bytes:
+def local_map_message(grid: OccupancyGrid, now: int) -> bytes:
     """``OccupancyGrid`` of the local map in ``odom``: percent, -1 where nothing is known."""
     cell, (x, y) = grid.params.cell, grid.origin
     percent = np.rint(100.0 / (1.0 + np.exp(-grid.log_odds)))
     percent[np.abs(grid.log_odds) < 1e-3] = -1
+    return grid_message("odom", percent, cell, Pose(x - 0.5 * cell, y - 0.5 * cell, 0.0), now)
+
+
+def grid_message(frame: str, percent: Array | Cells, cell: float, corner: Pose, now: int) -> bytes:
+    """``OccupancyGrid`` of ``percent`` (rows, columns), -1 unknown, from a ``corner`` in ``frame``.
+
+    ``cell`` is the edge of a cell [m].
+    """
     rows, columns = percent.shape
-    origin = pose_fields(x - 0.5 * cell, y - 0.5 * cell, 0.0)
+    origin = pose_fields(corner.x, corner.y, corner.yaw)
     about = {"resolution": cell, "width": columns, "height": rows, "origin": origin}
     fields = {"info": about, "data": percent.astype(np.int8).ravel()}
-    return _in("odom", _GRID, fields, now)
+    return _in(frame, _GRID, fields, now)
 
 
 def text_message(text: str) -> bytes:

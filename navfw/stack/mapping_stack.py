@@ -6,12 +6,15 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from navfw.features.recognizers import Aruco
 from navfw.localization.place_probabilities import observed_situations
 from navfw.mapping import GrowingMap
 from navfw.robot import RobotModel
-from navfw.signals import Frame, LandmarkDetection, Percept, Pose, SensorReading, Twist
+from navfw.signals import Belief, Frame, LandmarkDetection, Percept, Pose, SensorReading, Twist
 from navfw.stack.stack import Stack
+from navfw.stack.stack_state import StackState
 from navfw.stack.stackfile import StackConfig
 from navfw.stack.vision import ready_frame, straight_reading
 from navfw.topomap import TopoMap
@@ -37,7 +40,7 @@ class MappingStack(Stack):
     """Runs the perceiving half of a stack: odometry, vision, local map; and the growing map.
 
     Nothing is planned or decided. The stack file says ``growing_map: true``; ``growing`` is the map
-    so far, and ``sightings`` are those since the stack was loaded.
+    so far, in which the state's belief is; ``sightings`` are those since the stack was loaded.
     """
 
     def __init__(self, config: StackConfig, robot: RobotModel, topo_map: TopoMap) -> None:
@@ -65,6 +68,9 @@ class MappingStack(Stack):
             shown = reading.landmark_frame if self._larger else reading.frame
             self._sight(shown, view.percept, seen_from.pose)
             self._observe(frame, view, odometry, seen_from.pose)
+            belief = Belief(odometry.time, self.growing.pose, np.zeros((3, 3)))
+            percept = view.percept or self.state.percept
+            self.state = StackState(reading.time, odometry, belief, view.flows, percept)
         return odometry.twist
 
     def _sight(self, shown: Frame | None, percept: Percept | None, pose: Pose) -> None:

@@ -5,15 +5,18 @@ from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import count
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from navfw.missions import MissionLoop, MissionResult, prepare
+from navfw.plugins import default_registry
 from navfw.recording import deserialize_cdr
-from navfw.ros import DriveNode, DriveOptions, RosNode, RosPilot
-from navfw.stack import Stack
+from navfw.ros import DriveNode, DriveOptions, MapKeeper, RosNode, RosPilot
+from navfw.signals import Pose
+from navfw.stack import MappingStack, Stack
 
 STEP = 0.004
 """Time [s] in which the graph advances."""
@@ -130,17 +133,22 @@ class GraphNode:
 
 @dataclass
 class GraphDrive:
-    """A mission whose robot and driver are nodes of ``graph``."""
+    """A mission whose robot and driver are nodes of ``graph``; without one an exploration.
+
+    With ``keep`` the driver keeps its map in this file, and if it ``watches`` it does nothing else.
+    """
 
     graph: Graph
     monkeypatch: pytest.MonkeyPatch
     world: str
-    mission: str
+    mission: str | None
     seed: int = 1
     settings: Sequence[str] = ()
     parameters: dict[str, Any] = field(default_factory=dict)
     each: Callable[["GraphDrive"], object] = lambda _: None
     """Called at every step of the graph."""
+    keep: Path | None = None
+    watches: bool = False
 
     def __post_init__(self) -> None:
         for module in ("drive_node", "robot_node"):
@@ -149,15 +157,21 @@ class GraphDrive:
         self.session = prepare(self.world, self.mission, seed=self.seed, overrides=self.settings)
         self.node = GraphNode(self.graph, **self.parameters)
         self.robot_node = GraphNode(self.graph)
-        task = self.session.task
+        task, node = self.session.task, cast("RosNode", self.node)
         self.stack: Stack = self.session.stack
-        options = DriveOptions(task.start if task.start_known else None, task.goals, once=True)
-        self.driver = DriveNode(cast("RosNode", self.node), self.stack, options)
+        goals = task.goals
+        if self.watches:
+            mapper, nothing = MappingStack.load, self.session.mission.topo_map
+            self.stack, goals = mapper("explore", task.robot, nothing, default_registry()), ()
+        options = DriveOptions(task.start if task.start_known else None, goals, once=True)
+        self.keeper = None if self.keep is None else MapKeeper(node, self.stack, self.keep)
+        self.driver = DriveNode(node, self.stack, options, self.keeper)
 
     def run(self) -> MissionResult:
         simulation = self.session.simulation()
         try:
             self.robot_node.meanwhile = self._step
+            self._true_pose = simulation.true_pose
             task = self.session.task
             pilot = RosPilot(cast("RosNode", self.robot_node), task.robot, simulation)
             self.driver.begin()
@@ -169,6 +183,11 @@ class GraphDrive:
     def _step(self) -> None:
         self.ended = self.driver.advance(0.0) or self.ended
         self.each(self)
+
+    @property
+    def truth(self) -> Pose:
+        """Where the robot truly is."""
+        return self._true_pose()
 
     @property
     def speed(self) -> float:

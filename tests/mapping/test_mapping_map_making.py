@@ -1,11 +1,13 @@
 """Maps of what was observed: rooms, doors and dangers; two maps joined; bounds of memory."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from map_server import served_map
 from mapping_scenes import ROBOT, ROOM, ROUND, drifted, drive, inside, poses_along
 
 from navfw.mapping import GrowingMap, join, made_map
@@ -13,6 +15,8 @@ from navfw.mapping.map_making import cleaned_grid
 from navfw.signals import GrownGrid, Pose
 from navfw.signals.grown_grid import Evidence
 from navfw.topomap.map_check import check_map
+from navfw.topomap.map_formats import save_map
+from navfw.topomap.occupancy_map import save_ros_map
 
 LONG = ((0.0, 0.0), (4.0, 0.0), (5.0, -1.0), (5.0, 1.0), (4.0, 0.0), (0.0, 0.0), (-1.0, 1.0))
 
@@ -37,6 +41,27 @@ def test_two_rooms_and_their_door_are_found() -> None:
     walls = plan.centres(*np.nonzero(plan.occupied))
     around = [(a - 0.06, b + 0.06, c - 0.06, d + 0.06) for a, b, c, d in ROOM]
     assert inside(around, *walls.T).all()
+
+
+@pytest.mark.parametrize("suffix", [".png", ".pgm"])
+def test_a_saved_map_opens_in_map_server(tmp_path: Path, suffix: str) -> None:
+    growing = driven(ROUND, Pose(0.3, -0.2, 0.4))  # walls are askew: a mirrored image is found out
+    topo_map = made_map("pair", growing.grid, ROBOT.radius)
+    assert topo_map.floor_plan is not None
+    save_map(topo_map, tmp_path / "pair.yaml")
+    file = tmp_path / "plans" / "pair.yaml"
+    save_ros_map(topo_map.floor_plan, file, suffix)
+    served, clean = served_map(file), cleaned_grid(growing.grid)
+    assert np.array_equal(served.data == 100, clean.occupied)
+    assert np.array_equal(served.data == 0, clean.free)
+    assert np.array_equal(served.data == -1, clean.unseen)
+    assert served.resolution == clean.cell
+    corner = np.array(clean.origin) - 0.5 * clean.cell  # of the lower left pixel
+    assert served.origin == pytest.approx((*corner, 0.0))
+    rows, columns = np.nonzero(served.data == 100)
+    walls = corner + (np.column_stack([columns, rows]) + 0.5) * served.resolution
+    around = [(a - 0.06, b + 0.06, c - 0.06, d + 0.06) for a, b, c, d in ROOM]
+    assert inside(around, *Pose(0.3, -0.2, 0.4).points_to_local(walls).T).all()
 
 
 def test_a_robot_too_wide_for_the_door_gets_one_room() -> None:

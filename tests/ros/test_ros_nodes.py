@@ -6,9 +6,12 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import navfw
+from navfw.recording import ros_message
+from navfw.topomap import load_map
 
 pytest.importorskip("rclpy", reason="needs the group ros: make test-ros")
 
@@ -46,6 +49,81 @@ def test_in_lock_step_the_commands_are_those_of_navfw_run(tmp_path: Path) -> Non
     alone = navfw.run("empty", "straight", seed=1, stack="default")
     assert result["command_hash"] == alone.log.command_hash
     assert json.loads((tmp_path / "drive.json").read_text())["ended"] == "reached"
+
+
+EXPLORED = ("paper-room", "--explore", "--seed", "1", "--set", "mission.explore.limit=35")
+EXPLORE = ("explore", "--start", "0.9,0.9,0.3", "--limit", "35", "--out-map")
+
+
+@pytest.mark.thorough
+@pytest.mark.usefixtures("domain")
+def test_in_lock_step_the_map_is_that_of_navfw_run(tmp_path: Path) -> None:
+    file = tmp_path / "made.yaml"
+    with ExitStack() as processes:
+        driver = processes.enter_context(
+            started(tmp_path, *EXPLORE, str(file), "--lockstep", "--json", *SIM_TIME)
+        )
+        robot = processes.enter_context(
+            started(tmp_path, "sim", *EXPLORED, "--pace", "0", "--json")
+        )
+        assert robot.wait(200.0) == 0, said(tmp_path, "sim")
+        assert driver.wait(20.0) == 0, said(tmp_path, "explore")
+    alone = navfw.run("paper-room", None, seed=1, set={"mission.explore.limit": 35})
+    result = json.loads((tmp_path / "sim.json").read_text())
+    assert result["command_hash"] == alone.log.command_hash
+    assert json.loads((tmp_path / "explore.json").read_text())["map"] == str(file)
+    made, reference = load_map(file), alone.explored_map("made")
+    assert made.places == reference.places
+    assert made.floor_plan is not None
+    assert reference.floor_plan is not None
+    assert np.array_equal(made.floor_plan.cells, reference.floor_plan.cells)
+
+
+def test_a_killed_explorer_leaves_its_map(tmp_path: Path, listener: Listener) -> None:
+    file, kind = tmp_path / "made.yaml", "nav_msgs/msg/OccupancyGrid"
+    with ExitStack() as processes:
+        driver = processes.enter_context(started(tmp_path, *EXPLORE, str(file), *SIM_TIME))
+        waits = "--set", "mission.stuck_after=600", "--set", "mission.timeout=600"
+        processes.enter_context(started(tmp_path, "sim", *EXPLORED, *waits))
+        listener.spin_until(file.exists, 200.0)
+        late = list[Any]()  # the grid is kept for who comes late
+        listener.node.subscribe("navfw/map", kind, late.append, "latched")
+        listener.spin_until(lambda: late, 5.0)
+        assert {-1, 0} <= set(late[-1].data) <= {-1, 0, 100}
+        driver.send_signal(signal.SIGKILL)
+        driver.wait(10.0)
+    topo_map = load_map(file)
+    assert topo_map.floor_plan is not None
+    assert topo_map.floor_plan.free.sum() > 100
+    assert driver.returncode == -signal.SIGKILL
+
+
+@pytest.mark.thorough
+def test_a_person_teaches_a_map_with_another_node(tmp_path: Path, listener: Listener) -> None:
+    file = tmp_path / "taught.yaml"
+    steer = listener.node.publisher("cmd_vel", "geometry_msgs/msg/TwistStamped")
+    name = listener.node.publisher("name_place", "std_msgs/msg/String")
+    at = {"frame_id": "base_link"}
+    ahead = {"header": at, "twist": {"linear": {"x": 0.3}, "angular": {"z": 0.15}}}
+
+    def driven() -> bool:
+        steer(ros_message("geometry_msgs/msg/TwistStamped", ahead))
+        listener.node.spin_for(0.05)
+        return listener.x > 1.5
+
+    with ExitStack() as processes:
+        words = "drive", "--teach", str(file), "--start", "0,0,0", *SIM_TIME
+        driver = processes.enter_context(started(tmp_path, *words))
+        processes.enter_context(started(tmp_path, *PATIENT))
+        listener.spin_until(lambda: listener.node.wanted("name_place"), 200.0)
+        listener.spin_until(lambda: "/ground_truth/odom" in listener.newest, 60.0)
+        assert listener.node._node.count_publishers("/cmd_vel") == 1  # the listener's own
+        wait_until(driven, 60.0, lambda _: None)
+        name(ros_message("std_msgs/msg/String", {"data": "dock"}))
+        wait_until(lambda: "dock is at" in said(tmp_path, "drive"), 5.0)
+        driver.send_signal(signal.SIGTERM)
+        assert driver.wait(20.0) == 0, said(tmp_path, "drive")
+    assert "dock" in load_map(file).places
 
 
 def test_a_killed_driver_leaves_the_robot_standing_and_tells_what_it_sees(

@@ -1,0 +1,213 @@
+"""The map that grows while the robot drives: published, and kept in a file at each key pose."""
+
+from __future__ import annotations
+
+import re
+import threading
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from navfw.errors import ConfigError, InputError, MapError
+from navfw.mapping import made_map, plan_of, with_place
+from navfw.recording import ros_message
+from navfw.recording.ros_messages import pose_fields, time_fields
+from navfw.ros.connection import RosNode
+from navfw.ros.drive_outputs import grid_message
+from navfw.signals import GrownGrid, Odometry, Pose
+from navfw.stack import Stack
+from navfw.topomap import TopoMap
+from navfw.topomap.map_formats import save_map
+from navfw.topomap.occupancy_map import Cells
+
+NAME_PLACE = "name_place"
+"""Topic of the names of places."""
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}")
+_MARKERS = "visualization_msgs/msg/MarkerArray"
+_TOPICS = {
+    "navfw/map": "nav_msgs/msg/OccupancyGrid",
+    "navfw/frontiers": _MARKERS,
+    "navfw/graph": _MARKERS,
+}
+_PERIOD = 10**9
+"""Least time [ns] between two grids that are published."""
+_REST = 9.0
+"""Least time between two maps that are made, over the time that the former took: with this one,
+making maps takes a tenth of a core at most, and in a large building some key poses are left out."""
+_LINES, _SPHERES, _TEXT, _DELETE_ALL = 5, 7, 9, 3
+"""Types of markers, and the action that removes those before."""
+_SIZE = 0.2
+"""Diameter of spheres and height of letters [m]; lines are a fifth as wide."""
+_PLACES, _AHEAD, _OPEN, _GIVEN_UP = (0.1, 0.4, 0.9), (0.1, 0.8, 0.2), (0.9, 0.7, 0.1), (0.5,) * 3
+"""Colours (r, g, b) of the graph, and of frontiers: the one pursued, others, those given up."""
+_Points = Iterable[tuple[float, float]]
+
+
+class MapKeeper:
+    """Publishes the map that ``stack`` grows on ``node``, and keeps it in ``file``, if any.
+
+    After each key pose a thread makes the topological map, as soon as the last one is made: a node
+    that is killed leaves it. The robot is where the names of places on ``name_place`` come.
+
+    Raises:
+        ConfigError: the map is not the one that ``stack`` drives on.
+
+    """
+
+    def __init__(self, node: RosNode, stack: Stack, file: Path | None) -> None:
+        if not stack.resolved.settings.growing_map:
+            what = "expected a stack with growing_map: true, such as explore, or base: explore"
+            raise ConfigError(what, key="--stack")
+        self._node, self._stack, self._file = node, stack, file
+        self._growing = stack.growth.growing_map
+        self._named: dict[str, Odometry] = {}
+        self._told = -_PERIOD
+        self._shown: Cells = np.empty((0, 0), np.int8)
+        self._maker, self._keys, self._due = threading.Thread(), 0, 0.0
+        self._made: TopoMap | None = None
+        self._publish = {
+            topic: node.publisher(topic, kind, "latched") for topic, kind in _TOPICS.items()
+        }
+        node.subscribe(NAME_PLACE, "std_msgs/msg/String", self._take_name, "reliable")
+
+    def _take_name(self, message: Any) -> None:
+        name, odometry = str(message.data), self._stack.state.odometry
+        if not _NAME.fullmatch(name) or odometry is None:
+            why = "nothing was seen yet" if odometry is None else "expected letters and digits"
+            self._node.note(f"the name {name!r:.40} on {NAME_PLACE} is left out: {why}")
+            return
+        self._named[name] = odometry
+        pose = self._growing.pose
+        self._node.say(f"{name} is at ({pose.x:.2f}, {pose.y:.2f})")
+
+    def tell(self, now: int) -> None:
+        """Publish what has changed, and keep the map; after each frame, ``now`` [ns]."""
+        keys = self._growing.keys
+        if len(keys) != self._keys and time.monotonic() >= self._due:
+            self._due, self._keys = float("inf"), len(keys)
+            parts = self._growing.grid, self._growing.drops, self._places()
+            self._maker = threading.Thread(target=self._make, args=parts)
+            self._maker.start()
+        if self._growing.begun and not 0 <= now - self._told < _PERIOD:
+            self._told = now
+            self._tell(now)
+
+    def _tell(self, now: int) -> None:
+        plan, send = plan_of(self._growing.grid), self._publish
+        if not np.array_equal(plan.cells, self._shown):
+            self._shown = plan.cells
+            send["navfw/map"](grid_message("map", plan.cells, plan.resolution, plan.origin, now))
+        if self._node.wanted("navfw/frontiers"):
+            with self._stack.guard.watchdog.on_duty():
+                choice = self._stack.planner.explain_choice()
+            send["navfw/frontiers"](frontiers_message(choice, now))
+        made, self._made = self._made, None
+        if made is not None:
+            send["navfw/graph"](graph_message(made, now))
+
+    def _places(self) -> Mapping[str, Pose]:
+        """Where the named places are, as the map has been corrected."""
+        poses = {}
+        for name, odometry in self._named.items():
+            key = min(self._growing.keys, key=lambda key: abs(key.submap.time - odometry.time))
+            poses[name] = key.correction.compose(odometry.pose)
+        return poses
+
+    def _make(self, grid: GrownGrid, drops: Any, places: Mapping[str, Pose]) -> None:
+        """Make and save the map, beside what the robot does."""
+        began = time.monotonic()
+        try:
+            self._save(grid, drops, places)
+        except MapError:
+            pass  # no ground is free yet
+        except InputError as error:
+            self._node.note(f"the map is not saved: {error}")
+        now = time.monotonic()
+        self._due = now + _REST * (now - began)
+
+    def _save(self, grid: GrownGrid, drops: Any, places: Mapping[str, Pose]) -> TopoMap:
+        radius, name = self._stack.robot.radius, "map" if self._file is None else self._file.stem
+        made = made_map(name, grid, radius, drops)
+        for place, pose in places.items():
+            try:
+                made = with_place(made, place, pose, radius)
+            except InputError as error:
+                self._node.note(f"{place} is not on the map: {error}")
+        if self._file is not None:
+            save_map(made, self._file)
+        self._made = made
+        return made
+
+    def finish(self) -> Mapping[str, Any]:
+        """Save the map as it is at the end, and publish it; what to report of it.
+
+        Raises:
+            InputError: nothing was observed, or the file cannot be written.
+
+        """
+        if self._maker.ident is not None:
+            self._maker.join()
+        self._growing.finish()
+        if not self._growing.keys:
+            raise InputError("nothing was observed, so there is no map")
+        made = self._save(self._growing.grid, self._growing.drops, self._places())
+        self._tell(self._node.now())
+        file = None if self._file is None else str(self._file)
+        return {"map": file, "places": len(made.places), "edges": len(made.passages)}
+
+
+def frontiers_message(choice: Mapping[str, Any], now: int) -> bytes:
+    """``MarkerArray`` of the frontiers in a planner's ``explain_choice``."""
+    groups = (
+        ([choice] if "x" in choice else (), _AHEAD),
+        (choice.get("others", ()), _OPEN),
+        (choice.get("given_up", ()), _GIVEN_UP),
+    )
+    spheres = [
+        _list(_SPHERES, [(f["x"], f["y"]) for f in frontiers], colour)
+        for frontiers, colour in groups
+    ]
+    return _markers(spheres, now)
+
+
+def graph_message(topo_map: TopoMap, now: int) -> bytes:
+    """``MarkerArray`` of places with their names, and of passages."""
+    places = topo_map.places
+    ends = [places[end] for passage in topo_map.passages for end in passage.ends]
+    lines = _list(_LINES, [(place.x, place.y) for place in ends], _PLACES)
+    spheres = _list(_SPHERES, [(place.x, place.y) for place in places.values()], _PLACES)
+    names = [
+        {
+            "type": _TEXT,
+            "pose": {"position": {"x": place.x, "y": place.y, "z": _SIZE}},
+            "scale": {"z": _SIZE},
+            "color": _color(_PLACES),
+            "text": place.name,
+        }
+        for place in places.values()
+    ]
+    return _markers([lines, spheres, *names], now)
+
+
+def _markers(markers: Sequence[Mapping[str, Any]], now: int) -> bytes:
+    """``MarkerArray`` in ``map`` in place of the last one."""
+    header = {"frame_id": "map", "stamp": time_fields(now)}
+    shown = [{"action": _DELETE_ALL}, *(marker for marker in markers if marker)]
+    common = {"header": header, "ns": "navfw", "pose": pose_fields(0.0, 0.0, 0.0)}
+    made = [{**common, "id": number, **marker} for number, marker in enumerate(shown)]
+    return ros_message(_MARKERS, {"markers": made})
+
+
+def _list(kind: int, points: _Points, colour: Sequence[float]) -> Mapping[str, Any]:
+    """A marker of spheres, or of lines between two points each; empty without any."""
+    at = [{"x": x, "y": y} for x, y in points]
+    size = _SIZE if kind == _SPHERES else 0.2 * _SIZE
+    scale = dict.fromkeys("xyz", size)
+    return {"type": kind, "scale": scale, "color": _color(colour), "points": at} if at else {}
+
+
+def _color(colour: Sequence[float]) -> Mapping[str, float]:
+    return dict(zip("rgba", (*colour, 1.0), strict=True))
