@@ -58,6 +58,7 @@ _TEACH = typer.Option(
     help="Command nothing, and make the map maps/NAME.yaml, or of a .yaml file, while another node"
     " steers.",
 )
+_POSE = typer.Option(metavar="X,Y,YAW", help="Pose in the map [m, m, rad].")
 _START = typer.Option(metavar="X,Y,YAW", help="Pose in the map [m, m, rad], or a place.")
 _Lockstep = Annotated[
     bool, typer.Option("--lockstep", help="With a robot in lock step: bit for bit.")
@@ -115,7 +116,7 @@ def explore(
     ctx: typer.Context,
     robot: options.Robot = None,
     stack: options.Stack = _EXPLORE,
-    start: Annotated[str, _START] = _ORIGIN,
+    start: Annotated[str, _POSE] = _ORIGIN,
     out_map: Annotated[
         str | None,
         typer.Option(metavar="NAME", help="Map to write, as maps/NAME.yaml or a .yaml file."),

@@ -56,7 +56,7 @@ TOPICS: Mapping[str, tuple[str, str]] = {
     "goal_pose": ("geometry_msgs/msg/PoseStamped", "a goal, as of RViz's button"),
     "goal_place": ("std_msgs/msg/String", "a goal by the name of a place"),
     "initialpose": ("geometry_msgs/msg/PoseWithCovarianceStamped", "where the robot is"),
-    NAME_PLACE: ("std_msgs/msg/String", "names the place where the robot is, on a growing map"),
+    NAME_PLACE: ("std_msgs/msg/String", "names the robot's place on a growing map"),
 }
 """What the node takes in: type, and what it is."""
 
