@@ -165,7 +165,8 @@ def _drive(
 
     If it ``maps``, the map is kept in ``file``, if any.
     """
-    from navfw.ros import DriveNode, MapKeeper, RosNode
+    from navfw.ros import DriveNode, RosNode
+    from navfw.ros.map_keeper import MapKeeper
 
     _load_kernels(quiet=quiet)
     node, ended, said = RosNode("navfw", ctx.meta[_ROS_ARGS]), "ended by a signal", {}

@@ -5,4 +5,3 @@ from .map_changes import changes_between as changes_between
 from .map_changes import corrected_map as corrected_map
 from .map_making import made_map as made_map
 from .map_making import with_place as with_place
-from .matching import plan_of as plan_of

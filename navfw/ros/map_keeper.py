@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from navfw.errors import ConfigError, InputError, MapError
-from navfw.mapping import made_map, plan_of, with_place
+from navfw.mapping import made_map, with_place
+from navfw.mapping.matching import plan_of
 from navfw.recording import ros_message
 from navfw.recording.ros_messages import pose_fields, time_fields
 from navfw.ros.connection import RosNode

@@ -14,7 +14,8 @@ import pytest
 from navfw.missions import MissionLoop, MissionResult, prepare
 from navfw.plugins import default_registry
 from navfw.recording import deserialize_cdr
-from navfw.ros import DriveNode, DriveOptions, MapKeeper, RosNode, RosPilot
+from navfw.ros import DriveNode, DriveOptions, RosNode, RosPilot
+from navfw.ros.map_keeper import MapKeeper
 from navfw.signals import Pose
 from navfw.stack import MappingStack, Stack
 
