@@ -75,21 +75,24 @@ class TrueTour:
         steps = np.hypot(*np.diff(path, axis=0).T)
         far = np.cumsum(steps)
         last = min(int(np.searchsorted(far, _STEP)) + 1, len(path) - 1)
-        (x0, y0), (x1, y1) = path[last - 1], path[last]
-        at = float(x1), float(y1)
-        free = self._free_at(*at)
-        if not free:  # the frontier itself may lie in something
-            at = float(x0), float(y0)
-        self._pose = Pose(*at, math.atan2(y1 - y0, x1 - x0))
+        reached = last
+        for k in range(1, last + 1):
+            if not self._free_between(path[k - 1], path[k]):
+                reached = k - 1
+                break
+        yaw = math.atan2(*(path[reached] - path[max(reached - 1, 0)])[::-1])
+        self._pose = Pose(float(path[reached, 0]), float(path[reached, 1]), yaw)
         self._mark_body()
         self._look()
-        if last == len(path) - 1:
-            self._feel(float(path[-1, 0]), float(path[-1, 1]))
-        return float(far[last - 1]) if free else float(far[last - 1] - steps[last - 1])
+        if reached < last or last == len(path) - 1:
+            end = path[min(reached + 1, last)]
+            self._feel(float(end[0]), float(end[1]))
+        return float(far[reached - 1]) if reached else 0.0
 
-    def _free_at(self, x: float, y: float) -> bool:
-        cells, inside = self._cells(np.array([[x, y]]))
-        return bool(inside[0] and not self._solid.occupied[cells[0, 0], cells[0, 1]])
+    def _free_between(self, a: Array, b: Array) -> bool:
+        """Whether nothing solid is on the line between two points [m]: a wall may be unseen."""
+        cells, inside = self._cells(a + np.linspace(0.0, 1.0, 9)[:, None] * (b - a))
+        return bool(inside.all() and not self._solid.occupied[cells[:, 0], cells[:, 1]].any())
 
     def _cells(self, points: Array) -> tuple[Array, Mask]:
         """The cells (n, 2) at points (n, 2) [m], clipped, and which are inside."""
@@ -105,13 +108,20 @@ class TrueTour:
         self._evidence = np.where(self._solid.occupied, self._evidence, marked)
 
     def _feel(self, x: float, y: float) -> None:
-        """Mark what is around a frontier at x, y [m] that was reached: no tour goes there twice."""
-        cells, _ = self._cells(np.array([[x, y]]))
+        """Mark what is around the point x, y [m] that was reached: no tour goes there twice.
+
+        What is not joined to the robot within it lies behind something.
+        """
+        cells, _ = self._cells(np.array([[x, y], [self._pose.x, self._pose.y]]))
         disc = np.zeros(self._evidence.shape, np.uint8)
         center = int(cells[0, 1]), int(cells[0, 0])
         cv2.circle(disc, center, round(self._robot.radius / self._solid.cell), 1, cv2.FILLED)
-        felt = (disc > 0) & (self._evidence == 0)
-        self._evidence[felt] = np.where(self._solid.occupied[felt], _OCCUPIED, _FREE)
+        felt = (disc > 0) & ((self._evidence == 0) | self._solid.occupied)
+        open_disc = ((disc > 0) & ~self._solid.occupied).view(np.uint8)
+        _, labels = cv2.connectedComponents(open_disc, connectivity=4)
+        here = labels[cells[1, 0], cells[1, 1]]
+        joined = (labels == here) & (here > 0)
+        self._evidence[felt] = np.where(joined[felt], _FREE, _OCCUPIED)
 
     def _look(self) -> None:
         """Mark what is in view: free floor up to the first solid cell of each ray, and that."""

@@ -15,9 +15,11 @@ from navfw.missions import prepare
 from navfw.missions.exploration_result import ReachableFloor
 from navfw.missions.missionfile import load_mission
 from navfw.missions.true_tour import TrueTour
+from navfw.plugins import default_registry
 from navfw.robot import RobotModel
 from navfw.signals import GrownGrid, Pose
 from navfw.sim import SceneGeometry, load_world
+from navfw.suite.case import Case
 
 START = "start: [1.0, 1.0, 0.0]\n"
 
@@ -109,6 +111,17 @@ def test_the_true_tour_sees_everything() -> None:
 
 
 @pytest.mark.thorough
+@pytest.mark.parametrize("seed", [30, 31])
+def test_the_true_tour_passes_no_wall_that_it_has_not_seen(seed: int) -> None:
+    case = Case(0, "corridors", seed, family="corridors", difficulty=(0.0, 1.0))
+    session = case.session(default_registry())
+    start, robot = session.mission.start, session.mission.spec.robot
+    ground = ReachableFloor.of(session.plan, session.passable, robot, start)
+    tour = TrueTour(ground.grid, robot, start)
+    assert tour.length(back=True) > 40.0
+    assert (tour._evidence[ground.floor] < 0).mean() > 0.99
+
+
 def test_a_small_world_is_explored() -> None:
     result = run("lounge", None, seed=3)
     explored = result.exploration
