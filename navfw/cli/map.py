@@ -123,7 +123,8 @@ def diff(
             draw_map(out, old, _outline_for(old, world), changes=changes)
     picture = None if out is None else str(out)
     data = {"a": old.name, "b": new.name, "picture": picture}
-    lines = [*map(str, changes), *([] if out is None else [f"picture {out}"])] or ["no changes"]
+    lines = [str(change) for change in changes] or ["no changes"]
+    lines += [] if out is None else [f"picture {out}"]
     rows = [asdict(change) for change in changes]
     print_result(plain_json({**data, "changes": rows}), lines, json=json)
 

@@ -320,15 +320,16 @@ def _print_result(summary: Mapping[str, Any]) -> None:
     collisions = f"{count or 'no'} collision{'' if count == 1 else 's'}"
     nearest = summary["min_clearance_m"]
     clearance = "no obstacle near" if nearest is None else f"at least {nearest:.2f} m"
-    compared = "shortest" if not summary.get("exploration") else "nearest-frontier tour"
+    explored = summary.get("exploration")
+    compared = "nearest-frontier tour" if explored else "shortest"
     rows = {
         "path": f"{summary['path_length_m']:.2f} m, {compared} {summary['shortest_path_m']:.2f} m"
         f" (SPL {summary['spl']:.2f})",
-        **_explored_rows(summary.get("exploration")),
+        **_explored_rows(explored),
         "clearance": f"{clearance}, {collisions}",
         "goal": f"{summary['distance_to_goal_m']:.2f} m away, error of the estimated position"
         f" {summary['estimate_error_m']:.2f} m",
-        **({"map": summary["notes"]} if summary["notes"] else {}),
+        **({"map": summary["notes"]} if summary["notes"] and not explored else {}),
         "speed": f"{summary['real_time_factor']:.1f} x real time ({summary['wall_time_s']:.1f} s)",
         "commands": summary["command_hash"][:16],
         "run folder": summary["run_folder"] or "none, the result could not be written",
