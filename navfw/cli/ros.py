@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 from typer.core import TyperCommand
@@ -106,9 +106,7 @@ def drive(
             wanted = _options(topo_map, start or _ORIGIN, [], tolerance, lockstep=lockstep)
             made = MappingStack.load(stack or _EXPLORE, model, topo_map, default_registry())
             about = f"another node steers {robot or 'default'}; the map is {file}"
-        ended, said, code = _drive(ctx, made, wanted, about, teach is not None, file, quiet=json)
-    _print_end(ended, said, json=json)
-    raise typer.Exit(code)
+    _drive(ctx, made, wanted, about, maps=teach is not None, file=file, json=json)
 
 
 @group.command(cls=_RosCommand)
@@ -145,10 +143,7 @@ def explore(
         wanted = _options(nothing, start, [home], _AT_HOME, lockstep=lockstep)
         limits = [] if limit is None else [f"explorer.limit={limit!r}"]
         made = Stack.load(stack, model, nothing, default_registry(), limits)
-        about = f"{robot or 'default'} explores"
-        ended, said, code = _drive(ctx, made, wanted, about, True, file, quiet=json)
-    _print_end(ended, said, json=json)
-    raise typer.Exit(code)
+    _drive(ctx, made, wanted, f"{robot or 'default'} explores", maps=True, file=file, json=json)
 
 
 def _drive(
@@ -156,36 +151,37 @@ def _drive(
     stack: Stack,
     wanted: DriveOptions,
     about: str,
+    *,
     maps: bool,
     file: Path | None,
-    *,
-    quiet: bool,
-) -> tuple[str, dict[str, Any], int]:
-    """Drive by ``stack``; how it ended, what to report, and the exit code.
-
-    If it ``maps``, the map is kept in ``file``, if any.
-    """
+    json: bool,
+) -> NoReturn:
+    """Drive by ``stack``, and report how it ended; if it ``maps``, keep the map in ``file``."""
     from navfw.ros import DriveNode, RosNode
     from navfw.ros.map_keeper import MapKeeper
 
-    _load_kernels(quiet=quiet)
-    node, ended, said = RosNode("navfw", ctx.meta[_ROS_ARGS]), "ended by a signal", {}
-    try:
-        keeper = MapKeeper(node, stack, file) if maps else None
-        driver = DriveNode(node, stack, wanted, keeper)
-        with suppress(KeyboardInterrupt):
-            ended = driver.run(about)
-        code = int(wanted.once and ended != "reached")
-        if keeper is not None:
-            try:
-                with deferred():
-                    said = {**keeper.finish(), "left": stack.state.notes}
-            except InputError as error:
-                node.note(f"the map is not saved: {error}")
-                code = NOT_SAVED
-    finally:
-        node.close()
-    return ended, {"notes": node.notes, **said, **driver.outputs.latency()}, code
+    with quiet_stdout():
+        _load_kernels(quiet=json)
+        node, ended, said = RosNode("navfw", ctx.meta[_ROS_ARGS]), "ended by a signal", {}
+        try:
+            keeper = MapKeeper(node, stack, file) if maps else None
+            driver = DriveNode(node, stack, wanted, keeper)
+            with suppress(KeyboardInterrupt):
+                ended = driver.run(about)
+            code = int(wanted.once and ended != "reached")
+            if keeper is not None:
+                try:
+                    with deferred():
+                        said = {**keeper.finish(), "left": stack.state.notes}
+                except InputError as error:
+                    node.note(f"the map is not saved: {error}")
+                    code = NOT_SAVED
+        finally:
+            node.close()
+    report = {"notes": node.notes, **said, **driver.outputs.latency()}
+    lines = [ended, *(f"  {name} {value}" for name, value in report.items() if value)]
+    print_result({"ended": ended, **report}, lines, json=json)
+    raise typer.Exit(code)
 
 
 def _load_kernels(*, quiet: bool) -> None:
@@ -195,11 +191,6 @@ def _load_kernels(*, quiet: bool) -> None:
     compile_with_progress(loaded=True, quiet=quiet)
     for kernel in listed_kernels(loaded=True):
         kernel.compile()
-
-
-def _print_end(ended: str, about: dict[str, Any], *, json: bool) -> None:
-    lines = [ended, *(f"  {name} {value}" for name, value in about.items() if value)]
-    print_result({"ended": ended, **about}, lines, json=json)
 
 
 def _options(
