@@ -51,7 +51,7 @@ def teach(
     situations: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="Write what OFFIS saw at each kind of place, for --set situations."
+            metavar="FILE", help="Write the table of what OFFIS saw at each kind of place."
         ),
     ] = None,
     force: Annotated[
@@ -98,7 +98,8 @@ def _summary(made: TaughtMap, file: Path, notes: list[str]) -> tuple[dict[str, A
     data = {"map": made.topo_map.name, "file": str(file), "places": places, "edges": edges}
     data |= {"landmarks": marks, "loops": made.loops, "undecided": made.undecided}
     data |= {"parts": parts, "notes": notes}
-    lines = [f"{file}: {places} places, {edges} edges, {marks} landmarks, {made.loops} loops"]
+    lines = [f"{file}: {places} places, {edges} edges, {marks} landmarks"]
+    lines += [f"{made.loops} loops closed"] if made.loops else []
     lines += [f"note: {note}" for note in notes]
     if made.undecided:
         lines.append(f"{made.undecided} loops remained undecided, and are not closed")
@@ -118,12 +119,6 @@ def name(
         typer.Argument(metavar="PLACE|X,Y", help="A place of the map, or a new one's point [m]."),
     ],
     new: Annotated[str, typer.Argument(metavar="NAME", help="Its name from now on.")],
-    out: Annotated[
-        Path | None, typer.Option(help="Map file to write [default: the map itself].")
-    ] = None,
-    robot: Annotated[
-        str, typer.Option(help="Of X,Y: name or file of the robot that is to reach it.")
-    ] = "default",
     json: Json = False,
 ) -> None:
     """Name a place of a map, or a point of its floor plan, which gets edges to the nearest."""
@@ -131,7 +126,7 @@ def name(
 
     from navfw.features.landmark_appearance import check_landmark_kind
     from navfw.mapping import with_place
-    from navfw.robot.robotfile import load_robot
+    from navfw.robot import RobotModel
     from navfw.signals import Pose
     from navfw.topomap import load_map
     from navfw.topomap.map_formats import save_map
@@ -149,10 +144,10 @@ def name(
             at, plan = Pose(point[0], point[1], 0.0), topo_map.floor_plan
             if plan is not None and plan.state(np.array([point])) != FREE:
                 raise InputError("is not on free ground of the floor plan", key=place)
-            changed = with_place(topo_map, new, at, load_robot(robot).radius)
-        save_map(changed, out or file)
-    what = f"{out or file}: {place} is now {new}"
-    print_result({"map": changed.name, "file": str(out or file), "place": new}, (what,), json=json)
+            changed = with_place(topo_map, new, at, RobotModel().radius)
+        save_map(changed, file)
+    what = f"{file}: {place} is now {new}"
+    print_result({"map": changed.name, "file": str(file), "place": new}, (what,), json=json)
 
 
 def _drives(

@@ -20,6 +20,7 @@ from navfw.errors import ConfigError, InputError
 from navfw.features.landmark_appearance import landmark_kind
 from navfw.localization.place_probabilities import SituationTable, learn_table
 from navfw.mapping import GrowingMap, join, made_map, with_place
+from navfw.mapping.evidence_grid import KeyPose
 from navfw.plugins import default_registry
 from navfw.process.work_progress import ProgressCallback, silent
 from navfw.recording.recorded_run import recording_in
@@ -107,7 +108,8 @@ class TaughtPart:
 class TaughtMap:
     """The map, its parts, and how many loops were closed or remained undecided.
 
-    ``situations`` is what OFFIS inferred at each kind of its places; None if nothing.
+    ``situations`` is what OFFIS inferred at each kind of its places; None if nothing. ``keys`` are
+    the key poses of the drive.
     """
 
     topo_map: TopoMap
@@ -115,6 +117,7 @@ class TaughtMap:
     loops: int
     undecided: int
     situations: SituationTable | None
+    keys: Sequence[KeyPose]
 
 
 def teach(
@@ -169,8 +172,8 @@ def teach(
         for one in sightings
     ]
     topo_map = _with_markers(topo_map, seen_from)
-    situations = _situations(topo_map, seen_from)
-    return TaughtMap(topo_map, tuple(parts), whole.loops.closed, whole.loops.undecided, situations)
+    situations, loops = _situations(topo_map, seen_from), whole.loops
+    return TaughtMap(topo_map, tuple(parts), loops.closed, loops.undecided, situations, whole.keys)
 
 
 def _with_markers(topo_map: TopoMap, sightings: Sequence[tuple[Pose, Sighting]]) -> TopoMap:

@@ -71,9 +71,6 @@ class TaughtSpec(StrictModel):
         Literal["tour", "explore"],
         Field(description="what shows the world: a recorded tour of its map's places, or explore"),
     ] = "tour"
-    limit: Annotated[
-        float, Field(gt=0.0, le=7200.0, description="time of the tour or exploration [s]")
-    ] = 1500.0
     seeds: Annotated[
         int, Field(ge=1, le=10_000, description="seeds in turn that share a map, and its world")
     ] = 20

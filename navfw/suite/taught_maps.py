@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -30,10 +31,10 @@ from navfw.recording.provenance import code_fingerprint, files_fingerprint, file
 from navfw.recording.run_folder import RunFolder
 from navfw.recording.teaching import recorded_drive, teach
 from navfw.robot import RobotModel
-from navfw.signals import Pose
+from navfw.signals import Pose, wrap_angle
 from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.worldfile import load_world
-from navfw.sim.worldspec import BoxSpec, CylinderSpec, WorldSpec
+from navfw.sim.worldspec import WorldSpec
 from navfw.stack import Stack
 from navfw.suite.case import MAPS, Case, drawn_pair
 from navfw.suite.suitefile import TaughtSpec
@@ -42,6 +43,8 @@ from navfw.topomap.map_formats import save_map
 
 _ANYWHERE = Destination((0.0, 0.0))
 """A goal for missions of which only the world's part is used, or that get other goals."""
+_LIMIT = 1500.0
+"""Time of a tour or exploration [s]."""
 _WAIT = 7200.0
 """Longest wall time [s] to wait for another process that makes the same map."""
 _TOUR_STREAM, _MOVED_STREAM = 0x70A2, 0x30FE
@@ -52,8 +55,6 @@ _MOVES, _TRIES = (0.3, 1.2), 30
 """Distance [m] by which furniture is moved, and the number of draws for one piece."""
 _ROOM = 0.1
 """Room [m] that moved furniture leaves beside the robot on its way, and to other things."""
-_TALLEST = 2.0
-"""Height [m] from which on a thing is part of the building."""
 
 
 def driven_session(case: Case, registry: Registry) -> Session:
@@ -101,18 +102,18 @@ def planned_session(case: Case, registry: Registry) -> Session:
         session = plain.session(registry)
     else:
         session = _showing(case, spec, Path(case.world), registry)
+    mission, (_, for_stack) = session.mission, split_overrides(case.overrides)
     if case.stack or not case.given_map:
         file = find("stack", case.stack or "floor_plan")
     else:
-        file = chosen_stack(mission_to(case.world, _ANYWHERE)) if case.world else session.stack_file
-    mission, (_, for_stack) = session.mission, split_overrides(case.overrides)
+        file = chosen_stack(mission_to(case.world, _ANYWHERE) if case.world else mission)
     stack = Stack.load(file, mission.spec.robot, mission.topo_map, registry, for_stack)
     return replace(session, stack_file=file, stack=stack)
 
 
 def _made(case: Case, spec: TaughtSpec, registry: Registry) -> tuple[Path, Path]:
     """The files of the case's map and world; one process makes the map, others wait for it."""
-    about: list[Any] = [code_fingerprint(), spec.source, spec.limit, spec.seeds, case.difficulty]
+    about: list[Any] = [code_fingerprint(), spec.source, spec.seeds, case.difficulty]
     about += [case.contrast, case.look, [text for text in case.overrides if _of_mission(text)]]
     world = Path(case.world)
     if not case.family:
@@ -143,14 +144,14 @@ def _showing(case: Case, spec: TaughtSpec, world: Path, registry: Registry) -> S
     """The session of the drive that shows the world."""
     texts, seed = [text for text in case.overrides if _of_mission(text)], case.world_seed
     if spec.source == "explore":
-        texts.append(f"mission.explore={json.dumps({'limit': spec.limit})}")
+        texts.append(f"mission.explore={json.dumps({'limit': _LIMIT})}")
         return prepare(world, None, seed=seed, overrides=texts, registry=registry)
     first = mission_to(world, _ANYWHERE)
     if first.spec.map is None:
         what = f"the missions of {case.key.world} have no map, so there are no places for a tour"
         raise InputError(f"{what}; take source: explore", key="taught.source")
     goals = list(_tour(first.topo_map, first.start, seed))
-    texts += [f"mission.goals={json.dumps(goals)}", f"mission.timeout={spec.limit}"]
+    texts += [f"mission.goals={json.dumps(goals)}", f"mission.timeout={_LIMIT}"]
     stack = "landmarks" if first.topo_map.landmarks else None
     return prepare(world, _ANYWHERE, seed=seed, stack=stack, overrides=texts, registry=registry)
 
@@ -169,67 +170,85 @@ def _tour(topo_map: TopoMap, start: Pose, seed: int) -> Iterator[str]:
 
 
 def _map_of(session: Session, spec: TaughtSpec, name: str) -> TopoMap:
-    """The map that the drive of ``session`` gives, however it ends."""
+    """The map that the drive of ``session`` gives, however it ends, laid over the world.
+
+    The frame of a map is where its drive began: laid over the world by the true poses at its key
+    poses, its coordinates are the world's but for what is bent.
+    """
+    result = session.run(record=spec.source == "tour")
     if spec.source == "explore":
-        return session.run().explored_map(name)
-    result = session.run(record=True)
-    with scratch_folder("tour") as folder:
-        with RunFolder(folder / "tour") as target:
-            write_run(result, target)
-        return teach([recorded_drive(folder / "tour")], name).topo_map
+        made, keys = result.explored_map(name), session.stack.growth.growing_map.keys
+    else:
+        with scratch_folder("tour") as folder:
+            with RunFolder(folder / "tour") as target:
+                write_run(result, target)
+            taught = teach([recorded_drive(folder / "tour")], name)
+        made, keys = taught.topo_map, list(taught.keys)
+    rows = np.searchsorted(result.log.time, [key.submap.time for key in keys])
+    true = result.log.true[np.minimum(rows, len(result.log.true) - 1), :2]
+    own = np.array([(key.pose.x, key.pose.y) for key in keys])
+    a, b = own - own.mean(axis=0), true - true.mean(axis=0)
+    turn = math.atan2(float(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])), float(np.sum(a * b)))
+    x, y = true.mean(axis=0) - Pose(0.0, 0.0, turn).points_to_parent(own.mean(axis=0)[None])[0]
+    return _placed(made, Pose(float(x), float(y), turn))
+
+
+def _placed(topo_map: TopoMap, frame: Pose) -> TopoMap:
+    """The map with its frame at ``frame``."""
+
+    def at(thing: Any) -> dict[str, Any]:
+        return dict(zip("xy", frame.to_parent(thing.x, thing.y), strict=True))
+
+    plan, marks = topo_map.floor_plan, topo_map.landmarks.values()
+    return TopoMap(
+        topo_map.name,
+        [replace(place, **at(place)) for place in topo_map.places.values()],
+        topo_map.passages,
+        landmarks=[
+            replace(mark, **at(mark), yaw=wrap_angle(mark.yaw + frame.yaw)) for mark in marks
+        ],
+        floor_plan=None if plan is None else replace(plan, origin=frame.compose(plan.origin)),
+    )
 
 
 def _moved(
-    world: WorldSpec,
-    share: float,
-    seed: int,
-    ends: tuple[Place, Place],
-    robot: RobotModel,
+    world: WorldSpec, share: float, seed: int, ends: tuple[Place, Place], robot: RobotModel
 ) -> WorldSpec:
-    """The world with a ``share`` of its furniture moved, and still a path between ``ends``."""
-    start, goal = ((place.x, place.y) for place in ends)
+    """The world with a ``share`` of its furniture moved, and still a path between ``ends``.
+
+    What stands at one point is moved together; what hangs on a wall stays.
+    """
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_MOVED_STREAM,)))
-    things: list[BoxSpec | CylinderSpec] = [*world.boxes, *world.cylinders]
-    places = sorted({thing.at for thing in things if thing.base == 0.0 and _top(thing) < _TALLEST})
+    start, goal = ((place.x, place.y) for place in ends)
+    reach = {pole.at: pole.radius for pole in world.cylinders if pole.base == 0.0}
+    reach |= {box.at: 0.5 * math.hypot(*box.size[:2]) for box in world.boxes if box.base == 0.0}
+    places = sorted(reach)
     for index in rng.permutation(len(places))[: round(share * len(places))].tolist():
-        x, y = old = places[index]
-        reach = max(_reach(thing) for thing in things if thing.at == old)
-        rest = SceneGeometry.from_world(_with(world, old, None), robot.height)
+        old = places[index]
+        rest = SceneGeometry.from_world(_with(world, {old: None}), robot.height)
         for _ in range(_TRIES):
             step, way = rng.uniform(*_MOVES), rng.uniform(-math.pi, math.pi)
-            new = round(x + step * math.cos(way), 2), round(y + step * math.sin(way), 2)
+            new = round(old[0] + step * math.cos(way), 2), round(old[1] + step * math.sin(way), 2)
             off_walls = rest.straight_path_free(np.array(old), np.array(new), 0.0)
-            if not off_walls or rest.clearance(*new) < reach + _ROOM:
+            if not off_walls or rest.clearance(*new) < reach[old] + _ROOM:
                 continue
-            changed = _with(world, old, new)
-            try:
+            changed = _with(world, {old: new})
+            with suppress(WorldError):
                 plan = SceneGeometry.from_world(changed, robot.height)
                 plan.shortest_path(start, goal, robot.radius + _ROOM)
-            except WorldError:
-                continue
-            world = changed
-            break
+                world = changed
+                break
     return world
 
 
-def _top(thing: BoxSpec | CylinderSpec) -> float:
-    return thing.base + (thing.size[2] if isinstance(thing, BoxSpec) else thing.height)
-
-
-def _reach(thing: BoxSpec | CylinderSpec) -> float:
-    """The distance [m] of the thing's farthest corner from its middle."""
-    return 0.5 * math.hypot(*thing.size[:2]) if isinstance(thing, BoxSpec) else thing.radius
-
-
-def _with(world: WorldSpec, old: tuple[float, float], new: Any) -> WorldSpec:
-    """The world with all that stands at ``old`` moved to ``new``, or without it."""
-
-    def changed(things: Sequence[Any]) -> tuple[Any, ...]:
-        kept = [
-            thing.model_copy(update={"at": new}) if thing.at == old else thing for thing in things
-        ]
-        return tuple(thing for thing in kept if thing.at is not None)
-
-    return world.model_copy(
-        update={"boxes": changed(world.boxes), "cylinders": changed(world.cylinders)}
-    )
+def _with(world: WorldSpec, moved: Mapping[tuple[float, float], Any]) -> WorldSpec:
+    """The world with all that stands at a key of ``moved`` at its value, or without it if None."""
+    changes = {}
+    for kind in ("boxes", "cylinders"):
+        things = [(thing, moved.get(thing.at, thing.at)) for thing in getattr(world, kind)]
+        changes[kind] = tuple(
+            thing if at == thing.at else thing.model_copy(update={"at": at})
+            for thing, at in things
+            if at is not None
+        )
+    return world.model_copy(update=changes)

@@ -15,7 +15,7 @@ from navfw.robot import RobotModel
 from navfw.signals import Pose
 from navfw.sim import SceneGeometry, load_world
 from navfw.suite.suite_folder import SuiteFolder
-from navfw.suite.taught_maps import _moved, _tour, driven_session
+from navfw.suite.taught_maps import _moved, _placed, _tour, driven_session
 from navfw.topomap import Place, TopoMap, load_map
 
 BOTH = """
@@ -35,7 +35,7 @@ def driven(folder: Path, world: str, keys: str, seeds: str) -> tuple[dict[str, A
 
 @pytest.mark.thorough
 def test_a_small_room_is_taught_once_and_driven_on_both_maps(tmp_path: Path) -> None:
-    summary, made = driven(tmp_path, "paper-room", "limit: 200", "0:2")
+    summary, made = driven(tmp_path, "paper-room", "seeds: 30", "0:2")
     assert summary["success"] == 1.0
     assert made.floor_plan is not None
     rows = SuiteFolder(tmp_path / "out").rows()
@@ -121,3 +121,19 @@ def test_a_tour_visits_every_place_once_in_an_order_of_its_own() -> None:
     wanted = sorted(p.name for p in topo_map.places.values() if p.kind not in {"door", "danger"})
     assert [sorted(tour) for tour in tours] == [wanted] * 3
     assert tours[0] != tours[1]
+
+
+def test_a_map_is_placed_with_all_that_it_contains() -> None:
+    given = load_map(Path("maps/office.yaml"))
+    frame = Pose(2.0, -1.0, 0.3)
+    placed = _placed(given, frame)
+    assert given.floor_plan is not None
+    assert placed.floor_plan is not None
+    for name, place in given.places.items():
+        assert (placed.places[name].x, placed.places[name].y) == frame.to_parent(place.x, place.y)
+        kind = given.floor_plan.state(np.array([(place.x, place.y)]))
+        x, y = frame.to_parent(place.x, place.y)
+        assert placed.floor_plan.state(np.array([(x, y)])) == kind
+    assert placed.passages == given.passages
+    mark = next(iter(given.landmarks))
+    assert placed.landmarks[mark].yaw - given.landmarks[mark].yaw == pytest.approx(0.3)
