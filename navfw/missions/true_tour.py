@@ -119,8 +119,8 @@ class TrueTour:
         felt = (disc > 0) & ((self._evidence == 0) | self._solid.occupied)
         open_disc = ((disc > 0) & ~self._solid.occupied).view(np.uint8)
         _, labels = cv2.connectedComponents(open_disc, connectivity=4)
-        here = labels[cells[1, 0], cells[1, 1]]
-        joined = (labels == here) & (here > 0)
+        robot = labels[cells[1, 0], cells[1, 1]]
+        joined = (labels == robot) & (robot > 0)
         self._evidence[felt] = np.where(joined[felt], _FREE, _OCCUPIED)
 
     def _look(self) -> None:

@@ -37,6 +37,9 @@ _TOO_NEAR = 0.5  # chosen
 see."""
 _TRIES = 2  # chosen
 """Times that a frontier is given up before it is for good; the robot comes from elsewhere then."""
+_MUCH, _LONG_LOOK = 0.25, 4.0  # chosen
+"""Share of the known ground that the gains of what is left are above, if frontiers are to be tried
+twice more; time [s] for which the robot then stays at one."""
 _WORTH = 0.5  # measured
 """Least gain [m^2] per metre of path of a frontier that is tried again: most such ones are parts
 of walls that were not seen. Without, paths are a sixth longer, and 1 % more is observed."""
@@ -140,7 +143,7 @@ class Explorer(Planner):
         self._waypoint: Waypoint | None = None
         self._way: list[Waypoint] = []
         self._no_route: str | None = None
-        self._out_of_time = self._done = False
+        self._out_of_time = self._done = self._insists = False
 
     def start(self, topo_map: TopoMap, goals: Sequence[Waypoint]) -> None:
         """Start an exploration that ends at the last of ``goals``, or where it begins."""
@@ -229,9 +232,12 @@ class Explorer(Planner):
         self._give_up(frontiers, ground, time)
         self._left = [g for g in self._given_up if any(g.is_at(f) for f in frontiers)]
         candidates = [f for f in frontiers if not any(g.covers(f) for g in self._given_up)]
+        self._insists = False
         if not candidates:
-            final = [g for g in self._given_up if g.tries >= _TRIES]
             worth = [f for f in frontiers if f.gain >= _WORTH * f.length]
+            self._insists = sum(f.gain for f in worth) > _MUCH * ground.known_area
+            most = _TRIES + (2 if self._insists else 0)
+            final = [g for g in self._given_up if g.tries >= most]
             candidates = [f for f in worth if not any(g.covers(f) for g in final)]
         return ground, costs, candidates
 
@@ -248,7 +254,9 @@ class Explorer(Planner):
         apart = math.dist((now.x, now.y), robot)
         arrived = self._pursuit.begin >= _BLIND > apart
         patience = _LOOK if arrived else self.params.patience
-        if arrived and apart < _TOO_NEAR:
+        if arrived and self._insists:
+            patience = _LONG_LOOK
+        elif arrived and apart < _TOO_NEAR:
             patience = 0.0
         if self._pursuit.idle(time) >= patience:
             before_that = [g for g in self._given_up if g.covers(now)]
