@@ -19,6 +19,7 @@ from navfw.config.image_file import read_image
 from navfw.config.input_file import is_file
 from navfw.errors import ConfigError
 from navfw.features.landmark_appearance import check_landmark_kind
+from navfw.mapping import MapChange
 from navfw.numerics import Array
 from navfw.recording import palette, top_view
 from navfw.recording.channel_list import Chase, SeenRun
@@ -98,6 +99,9 @@ _NUMBERS = {
 }
 """Results on the page, each with its name and unit."""
 
+_OF_ROUTES = "shortest_path_m", "shortest_with_room_m"
+"""Those that an exploration has not: it has no goal to take the shortest path to."""
+
 
 def run_report(folder: Path, chase: Chase | None = None) -> str:
     """The report of the run in ``folder`` as HTML; without a recording, its result and picture.
@@ -115,7 +119,8 @@ def run_report(folder: Path, chase: Chase | None = None) -> str:
         "outcome": str(result.get("outcome", "")),
         "reason": str(result.get("reason", "")),
         "numbers": _numbers(result),
-        "notes": result.get("notes", []),
+        "notes": _notes(result),
+        "of_bag": bool(result.get("notes")) and isinstance(result["notes"], list),
         "picture": None,
         "explored": result.get("exploration"),
         "data": None,
@@ -131,10 +136,19 @@ def run_report(folder: Path, chase: Chase | None = None) -> str:
     return render_page("run_page.html", **content)
 
 
+def _notes(result: Mapping[str, Any]) -> list[str]:
+    """The sentences on the page: notes of the run, or of a bag; how the building has changed."""
+    notes = result.get("notes") or []
+    changes = [str(MapChange(**change)) for change in result.get("map_changes", ())]
+    if result.get("exploration"):
+        return changes  # the page has a table of what was left
+    return [*([notes] if isinstance(notes, str) else notes), *changes]
+
+
 def _numbers(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     numbers = []
     for key, (name, unit) in _NUMBERS.items():
-        value = result.get(key)
+        value = None if key in _OF_ROUTES and result.get("exploration") else result.get(key)
         if isinstance(value, int | float):
             text = str(value) if isinstance(value, int) else f"{value:.2f}"
             numbers.append((name, f"{text} {unit}".strip()))
@@ -152,7 +166,7 @@ def _recorded(
     timeline = run_timeline.read_timeline(run, radius)
     events = run_timeline.run_events(timeline, result) if len(timeline.time) else []
     moments = read_moments(run, events)
-    if not moments and result.get("notes"):
+    if not moments and isinstance(result.get("notes"), list):
         return {}  # of a bag without images
     if not moments:
         raise ConfigError("has no camera images; record the run again", file=run.path)
