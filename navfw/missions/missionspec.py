@@ -253,8 +253,7 @@ class MissionSpec(StrictModel):
     start: Annotated[
         tuple[Coordinate, Coordinate, Yaw] | PlaceStart | UnknownStart | Unknown,
         Field(
-            description="[x, y, yaw], or {place: ..., yaw: ...}; unknown, or "
-            "{unknown: [place, ...]}: drawn by the seed, not given to the stack"
+            description="[x, y, yaw], {place: ..., yaw: ...}, unknown, or {unknown: [place, ...]}"
         ),
     ]
     goals: Annotated[
