@@ -144,8 +144,10 @@ class Papfis(Planner):
         before = self._tour.goal
         waypoint = self._tour.next_waypoint(self._at, sure=sure)
         goal = self._tour.goal
-        if goal is not before and self._search.waypoint is not None:
-            self._end_search(self._search, self._tour.router, self._at)
+        if goal is not before:
+            self._search.spent = 0.0
+            if self._search.waypoint is not None:
+                self._end_search(self._search, self._tour.router, self._at)
         if self._grid is None or waypoint is None or goal is None:
             return waypoint
         return self._search_way(self._search, self._tour, goal, belief.time, sure) or waypoint
@@ -241,6 +243,19 @@ class Papfis(Planner):
     def replans(self) -> int:
         """Number of replans so far: the robot left its path, or a passage on it changed."""
         return 0 if self._tour is None else self._tour.replans
+
+    def explain_choice(self) -> dict[str, Any]:
+        """Explain a search for another way; empty while the route says where the robot heads."""
+        ahead = self._on_search
+        if self._tour is None or self._search is None or self._tour.goal is None or ahead is None:
+            return {}
+        places = self._tour.router.topo_map.places
+        closed = [
+            {"x": places[passage.b].x, "y": places[passage.b].y, "why": f"{passage} is closed"}
+            for passage in self.closed
+        ]
+        what = f"another way to {self._tour.goal.label}, which costs {self._search.cost:.1f} m"
+        return {"heads_for": what, "x": ahead.x, "y": ahead.y, "given_up": closed}
 
     def explain(self) -> dict[str, Any]:
         """Explain the route to the present goal as plain data: costs of passages, rule by rule."""

@@ -40,8 +40,10 @@ _MOVED, _PATIENCE = 0.4, 12.0  # chosen
 """A robot that moves by less [m] in this time [s] while it searches shuns where it heads."""
 _SHUN, _SHUNNED = 0.4, 15.0  # chosen
 """Distance [m] around a waypoint that was not reached, in which cells cost this much more."""
-_GAP = 1.0  # chosen
+_GAP = 1.5  # chosen
 """Time [s] between two updates beyond which nothing is known of the robot."""
+_LIMIT = 120.0  # chosen
+"""Time [s] of searching after which a goal is given up: the walls around it have been looked at."""
 _TRACK, _STRAIGHT = 0.25, 0.2  # chosen
 """Spacing [m] of the points of the track that are kept; how far it may be from a straight line."""
 _SPARE = 0.08  # chosen
@@ -95,12 +97,14 @@ class Standstill:
 class WaySearch:
     """Searches a way to one goal after another; ``waypoint`` is where to head, None without a way.
 
+    ``spent`` [s] is the time of searching for the present goal; up to _LIMIT there is a waypoint.
     ``cost`` [m] is that of the path ahead, with the prices of ground that was not seen. ``track``
     are points (x, y) [m] that the robot has driven over since the search for this goal began.
     """
 
     def __init__(self, robot: RobotModel, plan: OccupancyMap | None) -> None:
         self._robot, self._plan = robot, plan
+        self.spent = 0.0
         self.end()
 
     def end(self) -> None:
@@ -119,6 +123,7 @@ class WaySearch:
             self.track.append(at)
         if time - self._planned < _REPLAN - 1e-6:
             return
+        self.spent += min(time - self._planned, _GAP)
         self._planned = time
         if self._standstill.update(at, time) and self.waypoint is not None:
             self._shunned.append((self.waypoint.x, self.waypoint.y))
@@ -129,8 +134,8 @@ class WaySearch:
         costs = ground.costs_from(*at)
         path = ground.path_to(costs, goal.x, goal.y)
         self.cost = ground.length_at(costs, goal.x, goal.y) * ground.cell
-        if not len(path):
-            self.waypoint, self.path = None, []
+        if not len(path) or self.spent > _LIMIT:
+            self.waypoint, self.path, self.cost = None, [], math.inf
             return
         points = [*map(tuple, path.tolist()), (goal.x, goal.y)]
         corners = [
