@@ -247,7 +247,8 @@ class MissionSpec(StrictModel):
         str | None,
         Field(
             description="name or file of the stack; left out: `explore` to explore, `floor_plan` if"
-            " the map has a floor plan, else `default`; --stack takes precedence"
+            " the map has a floor plan (from an unknown start `landmarks`, if it has these too), "
+            "else `default`; --stack takes precedence"
         ),
     ] = None
     start: Annotated[

@@ -42,7 +42,7 @@ Mission: TypeAlias = str | Path | tuple[float, float] | Destination | None
 """A mission's name or file; or the point x, y [m], or destination, that a mission from the world's
 start leads to, the start of its first mission with a known one; None: an exploration from there."""
 
-_DEFAULT_STACK, _FLOOR_PLAN_STACK = "default", "floor_plan"
+_DEFAULT_STACK, _FLOOR_PLAN_STACK, _LANDMARK_STACK = "default", "floor_plan", "landmarks"
 """The stack of a mission that names none, and the one if its map has a floor plan."""
 _EXPLORE_STACK, _EXPLORER = "explore", "explorer"
 """The stack of an exploration that names none; its planner, which gets limit and return."""
@@ -205,7 +205,7 @@ def chosen_stack(mission: MissionFile, stack: str | Path | None = None) -> Path:
     """The file of ``stack``; without one, of the stack that the mission names.
 
     If it names none, it is ``explore`` for an exploration, ``floor_plan`` where its map has a floor
-    plan, else ``default``.
+    plan, else ``default``; ``landmarks`` if a map with a plan has them and the start is unknown.
 
     Raises:
         UnknownNameError: there is no stack of that name; for the mission's, the message has its
@@ -215,6 +215,8 @@ def chosen_stack(mission: MissionFile, stack: str | Path | None = None) -> Path:
     if stack is not None:
         return find("stack", stack)
     unnamed = _DEFAULT_STACK if mission.topo_map.floor_plan is None else _FLOOR_PLAN_STACK
+    if unnamed == _FLOOR_PLAN_STACK and mission.topo_map.landmarks and not mission.start_known:
+        unnamed = _LANDMARK_STACK  # they tell rooms apart that have the same walls
     unnamed = _EXPLORE_STACK if mission.spec.explore else unnamed
     with mission.document.locating(("stack",), only=UnknownNameError):
         return find("stack", mission.spec.stack or unnamed)

@@ -190,6 +190,9 @@ def test_a_mission_without_a_stack_is_localised_on_the_floor_plan_of_its_map(
     text = f"map: {named}\n{PLAIN}"
     assert chosen_stack(mission(tmp_path, text)).stem == stack
     assert chosen_stack(mission(tmp_path, f"stack: landmarks\n{text}")).stem == "landmarks"
+    unknown = text.replace("start: [1, 1, 0]", "start: unknown")
+    expected = "landmarks" if stack == "floor_plan" else stack  # the office has markers
+    assert chosen_stack(mission(tmp_path, unknown)).stem == expected
 
 
 ANYWHERE = "map: office\nstart: unknown\ngoals: [lab]\n"
