@@ -76,7 +76,6 @@ class GrowingMap:
         self._local_map: LocalMap | None = None
         self._moving: Sequence[OccupiedDisc] = ()
         self.clouds: list[PlanScan] = []
-        self._merged = 0
         self._driven = self._turned = 0.0
 
     # --- writing ---------------------------------------------------------------------------------
@@ -128,12 +127,14 @@ class GrowingMap:
         self.keys.append(key)
         self._graph.add(key.pose, step)
         self._grid.merge(key)
-        self._merged += 1
         self._recent.forget(self._path - _NEAR)
         self.clouds.append(self._recent.cloud(odom, _KEPT) if len(self._recent) else _NO_SCAN)
         if self._close_loops and len(self._recent):
             near, far = (scans.cloud(odom, _POINTS) for scans in (self._recent, self._scans))
-            self._close(self.loops.observe(self.keys, near, far, self._grid.cell))
+            relations = self.loops.observe(self.keys, near, far, self._grid.cell)
+            if relations:
+                self._graph.matches += relations
+                self._settle(len(self.keys))
 
     def _remember(self, percept: Percept, seen_from: Pose) -> None:
         """Keep the points of ``percept`` that are exact, if the last ones are far enough behind."""
@@ -146,14 +147,6 @@ class GrowingMap:
             for scans in (self._recent, self._scans):
                 scans.add(self._path, seen_from, PlanScan(*parts))
             self._scanned_at = self._path
-
-    def _close(self, relations: Sequence[Relation]) -> None:
-        """Fit the key poses to ``relations`` as well; make the grid anew if they have moved."""
-        if not relations:
-            return
-        for relation in relations:
-            self._graph.close(relation)
-        self._settle()
 
     def join(self, other: GrowingMap, frame: Pose, relations: Sequence[Relation]) -> None:
         """Add all key poses of ``other``, whose frame ``map`` has the pose ``frame`` in this one's.
@@ -168,22 +161,21 @@ class GrowingMap:
             self._graph.add(moved.pose, step, sure=known is not None)
             self.keys.append(moved)
         self.clouds += other.clouds
-        for match in other.matches:
-            self._graph.close(
-                replace(match, first=match.first + count, second=match.second + count)
-            )
-        for relation in relations:
-            self._graph.close(relation)
+        self._graph.matches += [
+            replace(match, first=match.first + count, second=match.second + count)
+            for match in other.matches
+        ]
+        self._graph.matches += relations
         self._path = self.keys[-1].path
-        self._settle(count - 1)
+        self._settle(count)
 
-    def _settle(self, newest: int = -1) -> None:
+    def _settle(self, count: int) -> None:
         """Fit the key poses; make the grid anew where some have moved.
 
-        ``newest`` is the key pose that shows where ``odom`` is.
+        The first ``count`` are in the grid already; the last of them shows where ``odom`` is.
         """
         self._graph.optimize()
-        before = self.keys[: self._merged]
+        before = self.keys[:count]
         self.keys = [
             key if _moved(key.pose, pose) < _SETTLED else replace(key, pose=pose)
             for key, pose in zip(self.keys, self._graph.poses, strict=True)
@@ -194,11 +186,10 @@ class GrowingMap:
             for at in (old, new)
             if new is not old
         ]
-        changed += self.keys[self._merged :]
-        self._merged = len(self.keys)
+        changed += self.keys[count:]
         if self._odometry is not None:
-            odom = self.keys[newest].submap.key
-            self.correction = self._graph.poses[newest].frame_of(odom)
+            odom = self.keys[count - 1].submap.key
+            self.correction = self._graph.poses[count - 1].frame_of(odom)
         if self._grid is not None:
             self._grid.renew(self.keys, changed)
 
@@ -236,6 +227,10 @@ class GrowingMap:
         canvas = self._grid.copy()
         canvas.merge(KeyPose(newest, self.pose))
         return GrownGrid(canvas.cells, canvas.origin, canvas.cell)
+
+    def key_at(self, time: float) -> KeyPose:
+        """Return the key pose nearest to ``time`` [s]; there must be one."""
+        return min(self.keys, key=lambda key: abs(key.submap.time - time))
 
     def last_seen(self, x: float, y: float) -> float | None:
         """Return the time [s] of the last submap around the point x, y [m, map]; None without."""

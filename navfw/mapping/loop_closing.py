@@ -193,7 +193,7 @@ class _Matcher:
         poses = offsets + np.array([pose.x, pose.y, pose.yaw])
         some = slice(None, None, max(1, len(scan.points) // _RATED))
         few = PlanScan(scan.points[some], scan.sigma[some], scan.origins[some])
-        rating = self._plan.rate(few, poses, _SEARCH_SIGMA)
+        rating = self._plan.field.rate(few, poses, _SEARCH_SIGMA)
         tried: list[Pose] = []
         matches: list[SubmapMatch] = []
         for i in np.argsort(-rating, kind="stable").tolist():

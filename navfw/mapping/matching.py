@@ -77,14 +77,17 @@ def free_ground(keys: Sequence[KeyPose], cell: float) -> Array:
 
 
 class LocalPlan:
-    """The map around a place, made of earlier key poses, to which submaps are matched."""
+    """The map around a place, made of earlier key poses, to which submaps are matched.
+
+    ``field`` rates poses of what was seen there.
+    """
 
     def __init__(self, keys: Sequence[KeyPose], cell: float) -> None:
         canvas = EvidenceGrid(cell)
         for key in keys:
             canvas.merge(key)
         plan = plan_of(GrownGrid(sharpened(canvas.cells, RIDGE), canvas.origin, cell))
-        self._plan, self._field = plan, PlanField(plan, surfaces=True)
+        self._plan, self.field = plan, PlanField(plan, surfaces=True)
 
     @classmethod
     def around(
@@ -109,7 +112,7 @@ class LocalPlan:
             needed = max(_MIN_POINTS, _MIN_SHARE * len(scan.points))
             if len(seen.points) < needed or len(floor) == 0:
                 return None
-            fit = self._field.match(seen, start, information)
+            fit = self.field.match(seen, start, information)
             pose = fit.pose
         states = self._plan.state(pose.points_to_parent(floor))
         overlap = float((states == FREE).mean()) >= _MIN_OVERLAP
@@ -117,7 +120,7 @@ class LocalPlan:
         if not overlap or not agreed or fit.belonging < _MIN_BELONGING:
             return None
         at = np.array([[pose.x, pose.y, pose.yaw]])
-        rating = float(self._field.rate(seen, at, _POINT_SIGMA)[0])
+        rating = float(self.field.rate(seen, at, _POINT_SIGMA)[0])
         return SubmapMatch(pose, fit.information, rating)
 
     def _seen_before(self, scan: PlanScan, pose: Pose) -> PlanScan:
@@ -127,7 +130,3 @@ class LocalPlan:
         before = scan.points + _BEFORE / length[:, None] * rays
         known = self._plan.state(pose.points_to_parent(before)) == FREE
         return PlanScan(scan.points[known], scan.sigma[known], scan.origins[known])
-
-    def rate(self, scan: PlanScan, poses: Array, sigma: float) -> Array:
-        """Rate ``poses`` (m, 3) [map] by the points' mean log likelihood."""
-        return self._field.rate(scan, poses, sigma)

@@ -55,7 +55,7 @@ def odometry_information(step: Pose) -> Array:
 
 
 class KeyPoseGraph:
-    """Poses in ``map``, the first of which is known, and relations between them."""
+    """Poses in ``map``, the first of which is known; odometry and ``matches`` between them."""
 
     def __init__(self) -> None:
         self.poses: list[Pose] = []
@@ -72,10 +72,6 @@ class KeyPoseGraph:
             information = odometry_information(step) if sure else _NOTHING
             self._chain.append(Relation(n - 1, n, step, information))
         self.poses.append(pose)
-
-    def close(self, match: Relation) -> None:
-        """Add a match between two poses."""
-        self.matches.append(match)
 
     def optimize(self) -> list[Relation]:
         """Fit all poses to odometry and matches; return the matches that had to be dropped."""

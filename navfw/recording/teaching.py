@@ -310,11 +310,9 @@ def _shows(image: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]) -> bool:
 
 def _pose_at(growing: GrowingMap, time: float) -> Pose:
     """Where the robot was in ``map`` at ``time`` [s], by the nearest key pose."""
-    away = [abs(key.submap.time - time) for key in growing.keys]
-    nearest = int(np.argmin(away))
     last = max(key.submap.time for key in growing.keys)
     if not 0.0 <= time <= last + 1.0:
         raise InputError(
             f"expected a time within the drive's {last:.0f} s, got {time:g}", key="--name"
         )
-    return growing.keys[nearest].pose
+    return growing.key_at(time).pose

@@ -111,11 +111,10 @@ class MapKeeper:
 
     def _places(self) -> Mapping[str, Pose]:
         """Where the named places are, as the map has been corrected."""
-        poses = {}
-        for name, odometry in self._named.items():
-            key = min(self._growing.keys, key=lambda key: abs(key.submap.time - odometry.time))
-            poses[name] = key.correction.compose(odometry.pose)
-        return poses
+        return {
+            name: self._growing.key_at(odometry.time).correction.compose(odometry.pose)
+            for name, odometry in self._named.items()
+        }
 
     def _make(self, grid: GrownGrid, drops: Any, places: Mapping[str, Pose]) -> None:
         """Make and save the map, beside what the robot does."""
