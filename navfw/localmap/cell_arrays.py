@@ -16,7 +16,17 @@ def cell_disc(radius: int) -> Mask:
     return within
 
 
-def distances(occupied: Mask, cell: float, farthest: float) -> Array:
+_GAPS = np.ones((3, 3), np.uint8)  # defined
+"""Structuring element that closes gaps of up to two cells between the rays of sparse flow."""
+
+
+def without_gaps(mask: Mask) -> Mask:
+    """Return ``mask`` (rows, columns) with gaps of up to two cells closed."""
+    closed: Mask = cv2.morphologyEx(mask.view(np.uint8), cv2.MORPH_CLOSE, _GAPS) > 0
+    return closed
+
+
+def distances(occupied: Mask, cell: float, farthest: float = 10.0) -> Array:
     """Compute distances (n, n) [m] from each cell to the nearest of ``occupied`` (n, n).
 
     ``cell`` [m] is the side of a cell; all distances are ``farthest`` [m] if no cell is occupied.

@@ -8,7 +8,7 @@ on it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence, Set
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -17,7 +17,7 @@ import networkx as nx
 import numpy as np
 
 from navfw.errors import InputError
-from navfw.localmap.cell_arrays import distances
+from navfw.localmap.cell_arrays import distances, without_gaps
 from navfw.mapping.map_making import with_place
 from navfw.numerics import Array, Mask
 from navfw.signals import GrownGrid, Pose
@@ -38,8 +38,6 @@ _GAP = np.ones((1, 3), np.uint8)  # defined
 _SURELY_FREE = -24  # measured
 """Evidence from which a wall or thing of the plan is gone: in five drives it was -37 where one was,
 and -9 to -22 where rays had passed over it, or beside a wall."""
-_SPECKS = np.ones((3, 3), np.uint8)  # defined
-"""Structuring element that closes gaps between the rays of sparse flow."""
 _OPENING = 0.45  # chosen
 """Least width [m] of an opening."""
 _SHIFT, _OTHER = 0.25, 0.4  # chosen
@@ -60,8 +58,6 @@ _STEP = 0.7  # chosen
 """Distance [m] of the places before and after a new opening from it."""
 _APART = 0.2  # chosen
 """Distance [m] from what the plan shows occupied at which something seen occupied is new."""
-_FAR = 10.0  # chosen
-"""Clearance [m] where nothing is near."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -267,18 +263,14 @@ def _differences(a: TopoMap, b: TopoMap) -> list[MapChange]:
     left = [p for p in a.passages if p.ends not in after and p.ends <= b.places.keys()]
     changes += [_at_passage("closed", a, passage) for passage in left]
     added = b.places.keys() - a.places.keys()
-    changes += [_new_way(b, part) for part in _parts(b, added) if part]
+    parts = nx.connected_components(b.graph.subgraph(added))
+    changes += [_new_way(b, sorted(part)) for part in parts]
     new = [p for p in b.passages if p.ends not in before and not p.ends & added]
     changes += [_at_passage("new", b, passage) for passage in new]
     if a.floor_plan is not None and b.floor_plan is not None:
         things = _gone(a.floor_plan, grid_of(b.floor_plan), [])
         changes += [change for change in things if change.kind == "gone"]
     return changes
-
-
-def _parts(topo_map: TopoMap, names: Set[str]) -> list[list[str]]:
-    """Return the connected parts of the places ``names``, as lists of names."""
-    return [sorted(part) for part in nx.connected_components(topo_map.graph.subgraph(names))]
 
 
 def _new_way(topo_map: TopoMap, names: Sequence[str]) -> MapChange:
@@ -352,13 +344,7 @@ def _with_opening(topo_map: TopoMap, change: MapChange, radius: float, name: str
         sides.append(topo_map.places[f"{name}-{side}"])
     width = 2.0 * (radius + _ROOM)
     new = [Passage(p.name, name, door.distance(p.x, p.y), width, doorness=1.0) for p in sides]
-    return TopoMap(
-        topo_map.name,
-        [*topo_map.places.values(), door],
-        [*topo_map.passages, *new],
-        landmarks=topo_map.landmarks.values(),
-        floor_plan=topo_map.floor_plan,
-    )
+    return topo_map.extended([door], new)
 
 
 def _with_seen(plan: OccupancyMap, grid: GrownGrid) -> OccupancyMap:
@@ -366,15 +352,14 @@ def _with_seen(plan: OccupancyMap, grid: GrownGrid) -> OccupancyMap:
     cells = plan.cells.copy()
     seen = grid.evidence_at(_centres(plan)).reshape(cells.shape) >= OCCUPIED_FROM
     cells[_room_on(plan, grid) >= _ROOM] = FREE
-    cells[seen & (distances(plan.occupied, plan.resolution, _FAR) >= _APART)] = OCCUPIED
+    cells[seen & (distances(plan.occupied, plan.resolution) >= _APART)] = OCCUPIED
     return replace(plan, cells=cells, file=None)
 
 
 def _room_on(plan: OccupancyMap, grid: GrownGrid) -> Array:
     """Return the distances (rows, columns) [m] on ``plan`` to what was not surely seen free."""
-    sure = (grid.log_odds <= _SURELY_FREE).astype(np.uint8)
-    free = cv2.morphologyEx(sure, cv2.MORPH_CLOSE, _SPECKS) > 0
-    away = distances(~free | grid.occupied, grid.cell, _FAR)
+    free = without_gaps(grid.log_odds <= _SURELY_FREE)
+    away = distances(~free | grid.occupied, grid.cell)
     room = np.minimum(away / grid.cell, 127.0).astype(np.int8)
     near = GrownGrid(room, grid.origin, grid.cell).evidence_at(_centres(plan))
     return np.asarray(grid.cell * near.reshape(plan.cells.shape))

@@ -25,9 +25,6 @@ _SPECK = 0.06  # chosen
 _DOT, _SURE = 2, 64  # chosen
 """Cells of the largest occupied spot that counts as free, unless its evidence is sure."""
 
-_FAR = 10.0  # chosen
-"""Clearance [m] where nothing is near."""
-
 _NARROW = 0.75  # chosen
 """Half the width of a gap that counts as closed, over the robot's radius."""
 
@@ -95,7 +92,7 @@ def clearances_of(plan: OccupancyMap, radius: float) -> ClearanceGrid:
     """
     disc = cell_disc(round(_NARROW * radius / plan.resolution)).view(np.uint8)
     free = cv2.morphologyEx(np.pad(plan.free, 1).view(np.uint8), cv2.MORPH_OPEN, disc) > 0
-    away = distances(~free, plan.resolution, _FAR)[1:-1, 1:-1]
+    away = distances(~free, plan.resolution)[1:-1, 1:-1]
     x, y = plan.origin.to_parent(0.5 * plan.resolution, 0.5 * plan.resolution)
     return ClearanceGrid((x, y), plan.resolution, away - 0.5 * plan.resolution)
 
@@ -136,10 +133,4 @@ def with_place(topo_map: TopoMap, name: str, pose: Pose, radius: float) -> TopoM
     for other in (sight or near)[:2]:
         length, width = other.distance(*at), 2.0 * grid.along(at, (other.x, other.y))
         passages.append(Passage(name, other.name, max(length, 0.01), max(width, 0.05)))
-    return TopoMap(
-        topo_map.name,
-        [*topo_map.places.values(), place],
-        [*topo_map.passages, *passages],
-        landmarks=topo_map.landmarks.values(),
-        floor_plan=plan,
-    )
+    return topo_map.extended([place], passages)

@@ -10,6 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from navfw.localmap.cell_arrays import without_gaps
 from navfw.missions.true_tour import TrueTour
 from navfw.numerics import Array, Mask
 from navfw.robot import RobotModel
@@ -25,8 +26,6 @@ _BESIDE = 1.0
 """Distance [m] of a walker or a frontier that was given up from the region that it explains."""
 _STAYED = 0.2
 """Share of the time that a walker is beside a region to be in the way."""
-_GAPS = np.ones((3, 3), np.uint8)
-"""Structuring element by which gaps between observed cells count as observed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +86,7 @@ class ReachableFloor:
 
     def unseen(self, grid: GrownGrid) -> Mask:
         """Which cells (rows, columns) of the floor ``grid`` does not show, gaps of a cell apart."""
-        known = cv2.morphologyEx((~grid.unseen).view(np.uint8), cv2.MORPH_CLOSE, _GAPS) > 0
+        known = without_gaps(~grid.unseen)
         rows, columns = np.indices(self.floor.shape).reshape(2, -1)
         cells = grid.cells_at(self.grid.centres(rows, columns))
         inside = np.all((cells >= 0) & (cells < known.shape), axis=1)

@@ -105,6 +105,17 @@ class TopoMap(Sealed):
             floor_plan=self.floor_plan,
         )
 
+    def extended(self, places: Iterable[Place], passages: Iterable[Passage]) -> TopoMap:
+        """Return the map with more places and passages."""
+        return TopoMap(
+            self.name,
+            [*self.places.values(), *places],
+            [*self.passages, *passages],
+            self.file,
+            self.landmarks.values(),
+            self.floor_plan,
+        )
+
     @property
     def graph(self) -> nx.Graph:
         """A networkx graph of the map, a new one each time, for its algorithms.
