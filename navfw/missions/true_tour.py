@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from navfw.numerics import Array, Mask
-from navfw.papfis.known_ground import KnownGround
+from navfw.papfis.known_ground import MIN_GAIN, KnownGround
 from navfw.robot import RobotModel
 from navfw.signals import GrownGrid, Pose
 from navfw.sim.scene_geometry import ConfigurationSpaceGrid
@@ -22,8 +22,6 @@ _RANGE = 3.0
 """Distance [m] up to which the tour sees: the range of the local map."""
 _STEP = 0.4
 """Distance [m] driven between two looks."""
-_MIN_GAIN = 0.12
-"""Unseen floor [m^2] for which a frontier counts, as for the planner."""
 _MAX_LOOKS = 20_000
 """Largest number of looks, against a tour that does not end."""
 _FREE, _OCCUPIED = -64, 64
@@ -52,7 +50,7 @@ class TrueTour:
         for _ in range(_MAX_LOOKS):
             ground = self._ground()
             costs = ground.costs_from(self._pose.x, self._pose.y)
-            frontiers = [f for f in ground.frontiers(costs) if f.gain >= _MIN_GAIN]
+            frontiers = [f for f in ground.frontiers(costs) if f.gain >= MIN_GAIN]
             if not frontiers:
                 break
             nearest = min(frontiers, key=lambda f: (f.length, f.x, f.y))

@@ -31,6 +31,9 @@ RULE_BASE = Path(__file__).parent / "rules" / "edge_cost.yaml"
 _AVOID_ABOVE = 0.5  # chosen
 """A passage is avoided when the degree of the term 'extreme' of its penalty exceeds this."""
 
+_NOTHING_FIRED = 1e-9  # chosen
+"""Sum of firing strengths below which a mean is 0."""
+
 
 @dataclass(frozen=True, slots=True)
 class CostParams:
@@ -155,8 +158,7 @@ class EdgeCosts:
 
 def _penalties(result: Inference, peaks: Array) -> tuple[Array, Mask]:
     """Compute the penalty in [0, 1], and whether to avoid the passage, (N,) each."""
-    firing = result.firing
-    penalties = np.clip(product(firing, peaks) / firing.sum(axis=1), 0.0, 1.0)
+    penalties = mean_conclusions(result.firing, peaks)
     return penalties, result.degrees["penalty"]["extreme"] > _AVOID_ABOVE
 
 
@@ -182,6 +184,12 @@ def _rules() -> RuleBase:
 def _inference() -> tuple[CompiledFis, Array]:
     """Build the inference system; return it and the peak of each rule's penalty term (rules,)."""
     return CompiledFis(_rules()), concluded_peaks(_rules(), "penalty")
+
+
+def mean_conclusions(firing: Array, peaks: Array) -> Array:
+    """Return the means (n,) of ``peaks`` (rules,) by ``firing`` (n, rules); 0 if nothing fires."""
+    total = np.maximum(firing.sum(axis=1), _NOTHING_FIRED)
+    return np.asarray(np.clip(product(firing, peaks) / total, 0.0, 1.0))
 
 
 def concluded_peaks(rule_base: RuleBase, output: str) -> Array:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
@@ -19,7 +19,7 @@ from navfw.interfaces import Planner
 from navfw.numerics import Array
 from navfw.papfis.frontier_choice import INPUTS, RULE_BASE, FrontierRules, inputs_of
 from navfw.papfis.given_up import GivenUp, Pursuit, narrow_passages
-from navfw.papfis.known_ground import Frontier, KnownGround, steady, without_spots
+from navfw.papfis.known_ground import MIN_GAIN, Frontier, KnownGround, steady, without_spots
 from navfw.signals import Belief, GrownGrid, PassageQuery, PassageReport, Pose, Waypoint
 from navfw.topomap import TopoMap
 
@@ -105,7 +105,7 @@ class Explorer(Planner):
         min_gain: Annotated[
             float,
             Field(ge=0.0, le=10.0, description="unseen floor for which a frontier counts [m^2]"),
-        ] = 0.12
+        ] = MIN_GAIN
         patience: Annotated[
             float,
             Field(gt=0.0, le=600.0, description="time without progress to give a frontier up [s]"),
@@ -262,7 +262,7 @@ class Explorer(Planner):
             before_that = [g for g in self._given_up if g.covers(now)]
             tries = 1 + max((g.tries for g in before_that), default=0)
             self._given_up = [g for g in self._given_up if g not in before_that]
-            self._given_up.append(GivenUp.at(now, self._why(), tries))
+            self._given_up.append(GivenUp(now.x, now.y, now.gain, self._why(), tries))
             self._pursuit = None
 
     def _why(self) -> str:
@@ -325,12 +325,7 @@ class Explorer(Planner):
         """Set the waypoint: the farthest point of the path to ``end`` in a straight line."""
         path = ground.path_to(costs, end.x, end.y)
         self._no_route = None if len(path) else f"no known floor leads back to {end.label}"
-        points = [*map(tuple, path.tolist()), (end.x, end.y)]
-        corners = [
-            replace(end, x=x, y=y, kind="waypoint", final=False)
-            for x, y in ground.corners(points, at, self.params.lookahead)
-        ]
-        self._way = [*corners[:-1], end]
+        self._way = ground.way(path, at, end, self.params.lookahead)
         self._waypoint = steady(self._waypoint, self._way[0], at)
 
     # --- what others read ------------------------------------------------------------------------

@@ -15,8 +15,7 @@ import numpy as np
 from navfw.errors import RuleBaseError
 from navfw.fuzzy import CompiledFis, load_rule_base
 from navfw.numerics import Array
-from navfw.numerics.products import product
-from navfw.papfis.edge_costs import concluded_peaks
+from navfw.papfis.edge_costs import concluded_peaks, mean_conclusions
 from navfw.papfis.known_ground import Frontier
 from navfw.signals import Pose, wrap_angle
 
@@ -25,9 +24,6 @@ RULE_BASE = Path(__file__).parent / "rules" / "frontier.yaml"
 INPUTS = ("gain", "path", "turn", "clearance", "reserve")  # defined
 """Inputs of the rules: of the file that ships, and of any in its place."""
 OUTPUT = "merit"  # defined
-
-_NOTHING_FIRED = 1e-9  # chosen
-"""Sum of firing strengths below which a merit is 0."""
 
 
 class FrontierRules:
@@ -55,11 +51,7 @@ class FrontierRules:
 
     def merits(self, inputs: dict[str, Array]) -> Array:
         """Infer the merits (n,) in [0, 1] from ``inputs``, (n,) each, by name."""
-        firing = self._fis.evaluate(inputs).firing
-        total = firing.sum(axis=1)
-        rated = np.maximum(total, _NOTHING_FIRED)
-        merits: Array = np.clip(product(firing, self._peaks) / rated, 0.0, 1.0)
-        return merits
+        return mean_conclusions(self._fis.evaluate(inputs).firing, self._peaks)
 
     def explain(self, inputs: dict[str, float]) -> list[dict[str, Any]]:
         """Return the rules that fire for one frontier, strongest first."""

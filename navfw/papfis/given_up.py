@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Self
 
 import cv2
 import numpy as np
@@ -58,11 +57,6 @@ class GivenUp:
     gain: float
     reason: str
     tries: int = 1
-
-    @classmethod
-    def at(cls, frontier: Frontier, reason: str, tries: int = 1) -> Self:
-        """Give up ``frontier``."""
-        return cls(frontier.x, frontier.y, frontier.gain, reason, tries)
 
     def covers(self, frontier: Frontier) -> bool:
         """Return whether ``frontier`` is the one that was given up, and nothing has changed."""

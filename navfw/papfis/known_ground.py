@@ -4,32 +4,36 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Protocol, Self
+from dataclasses import dataclass, replace
+from typing import Self
 
 import cv2
 import numpy as np
 
-from navfw.localmap.cell_arrays import bounds, distances, small_spots
+from navfw.localmap.cell_arrays import bounds, distances, small_spots, without_gaps
 from navfw.localmap.cost_kernels import cost_to_go, price_cells
 from navfw.numerics import Array, Mask
 from navfw.numerics.arrays import Indices
 from navfw.papfis.frontier_kernels import free_line, steepest_path, unseen_in_view
 from navfw.robot import RobotModel
 from navfw.signals import GrownGrid, Waypoint
+from navfw.topomap.occupancy_map import FREE, OCCUPIED, OccupancyMap
 
 Point = tuple[float, float]
 
+MIN_GAIN = 0.12  # chosen
+"""Unseen floor [m^2] for which a frontier counts."""
 MARGIN, CLEAR = 0.04, 0.25  # chosen
 """Clearances beside the body [m]: the least of a passable cell, and from which it costs no more;
 those of the local planner, which drives the paths."""
 
 _BORDER = 1.0  # chosen
 """Width [m] of the unseen ground that is added around what was observed."""
-_FAR = 10.0  # chosen
-"""Clearance [m] where nothing is occupied."""
-_GAPS = np.ones((3, 3), np.uint8)  # defined
-"""Structuring element that closes gaps of up to two cells between the rays of sparse flow."""
+_AROUND = 10.0  # chosen
+"""Distance [m] around robot and goal up to which a way is searched."""
+_FREE, _UNKNOWN, _OFF_PLAN, _WALL = 1.2, 2.5, 5.0, 15.0  # chosen
+"""Prices of unseen ground: free on the floor plan, without one, unknown to it, a wall on it. A wall
+of 0.1 m with the body's room beside it costs as much as a detour of 7 m."""
 _SPECK = 0.06  # chosen
 """Area [m^2] of unseen ground amid free ground that counts as free: a few rays wide."""
 _SPOT = 0.03  # chosen
@@ -69,14 +73,26 @@ class Frontier:
     first: Point
 
 
-class Hopes(Protocol):
-    """What unseen ground is taken for by a robot that searches a way over it."""
+@dataclass(frozen=True, slots=True)
+class UnseenGround:
+    """What unseen ground is taken for on the way to ``goal`` (x, y) [m], by the map's ``plan``."""
+
+    goal: Point
+    plan: OccupancyMap | None
 
     def corners(self, at: Point) -> Array:
         """Return the corners (2, 2: x, y) [m] of the ground to search from ``at`` (x, y) [m]."""
+        ends = np.array([at, self.goal])
+        return np.stack([ends.min(axis=0) - _AROUND, ends.max(axis=0) + _AROUND])
 
     def prices(self, points: Array, radius: float) -> Array:
         """Return the prices (n,) of unseen cells at ``points`` (n, 2) [m] for a robot."""
+        if self.plan is None:
+            return np.full(len(points), _UNKNOWN)
+        around = radius * np.array([(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)])
+        states = np.stack([self.plan.state(points + offset) for offset in around])
+        prices = np.where(states[0] == FREE, _FREE, _OFF_PLAN)
+        return np.where((states == OCCUPIED).any(axis=0), _WALL, prices)
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +111,9 @@ class KnownGround:
     occupied: Mask
 
     @classmethod
-    def of(cls, grid: GrownGrid, robot: RobotModel, at: Point, hopes: Hopes | None = None) -> Self:
+    def of(
+        cls, grid: GrownGrid, robot: RobotModel, at: Point, hopes: UnseenGround | None = None
+    ) -> Self:
         """Make the ground of ``grid`` for a robot ``at`` (x, y) [m].
 
         With ``hopes`` unseen ground is passable too, at the prices that they give.
@@ -111,7 +129,7 @@ class KnownGround:
         x0, y0 = (grid.centres(low[None])[0]).tolist()
         origin = (x0, y0)
         known = without_specks(free, occupied, _SPECK / grid.cell**2)
-        apart = distances(occupied, grid.cell, _FAR)
+        apart = distances(occupied, grid.cell)
         everywhere = np.ones(known.shape, np.uint8)
         price = price_cells(apart, everywhere, robot.radius, CLEAR, MARGIN, 0.0)
         known_half = known[::2, ::2]
@@ -121,7 +139,7 @@ class KnownGround:
         away = np.hypot(origin[0] + cell * x - at[0], origin[1] + cell * y - at[1])
         price[(away <= _STANDING) & np.isinf(price) & known_half] = _STANDING_PRICE
         price[away <= cell] = np.minimum(price[away <= cell], _STANDING_PRICE)
-        walls = cv2.dilate(occupied.view(np.uint8), _GAPS)[::2, ::2] > 0
+        walls = cv2.dilate(occupied.view(np.uint8), np.ones((3, 3), np.uint8))[::2, ::2] > 0
         rim = apart[::2, ::2] - robot.radius
         unseen = ~known_half & ~walls
         if hopes is not None:
@@ -191,17 +209,19 @@ class KnownGround:
         ends = begin[::-1] / self.cell, last[::-1] / self.cell
         return bool(free_line(self.price, ends[0], ends[1], dearest))
 
-    def corners(self, points: Sequence[Point], at: Point, lookahead: float) -> list[Point]:
-        """Return the corners of a path through ``points``, straight between them, from ``at`` on.
+    def way(self, path: Array, at: Point, end: Waypoint, lookahead: float) -> list[Waypoint]:
+        """Return the corners of a ``path`` (n, 2) [m] from ``at`` on, and then its ``end``.
 
         Each is the farthest point, up to ``lookahead`` [m], that a straight line reaches. The line
         costs no more than the path; no corner is where the robot is but the last point.
         """
+        points = [*map(tuple, path.tolist()), (end.x, end.y)]
         corners, index = [at], 0
         while index < len(points) - 1:
             index = self._farthest(points, index, corners[-1], lookahead)
             corners.append(points[index])
-        return corners[1:]
+        between = [replace(end, x=x, y=y, kind="waypoint", final=False) for x, y in corners[1:-1]]
+        return [*between, end]
 
     def _farthest(self, points: Sequence[Point], begin: int, at: Point, lookahead: float) -> int:
         best, dearest = 0, _PRICE
@@ -266,10 +286,10 @@ def without_spots(grid: GrownGrid) -> GrownGrid:
 
 def without_specks(free: Mask, occupied: Mask, largest: float) -> Mask:
     """Return the ``free`` cells with the gaps between rays, and unseen specks amid them, filled."""
-    closed = cv2.morphologyEx(free.view(np.uint8), cv2.MORPH_CLOSE, _GAPS)
-    unseen = (closed == 0) & ~occupied
+    closed = without_gaps(free)
+    unseen = ~closed & ~occupied
     labels, small = small_spots(unseen, largest, 4)
-    filled: Mask = ((closed > 0) | small[labels]) & ~occupied
+    filled: Mask = (closed | small[labels]) & ~occupied
     return filled
 
 

@@ -10,28 +10,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import cv2
 import numpy as np
 
 from navfw.errors import MapError
-from navfw.numerics import Array
-from navfw.papfis.known_ground import KnownGround, steady
+from navfw.papfis.known_ground import KnownGround, UnseenGround, steady
 from navfw.papfis.routes import Endpoint, Router
 from navfw.robot import RobotModel
 from navfw.signals import GrownGrid, Waypoint
 from navfw.topomap import Passage, Place
-from navfw.topomap.occupancy_map import FREE, OCCUPIED, OccupancyMap
+from navfw.topomap.occupancy_map import OccupancyMap
 
 Point = tuple[float, float]
 
-_AROUND = 10.0  # chosen
-"""Distance [m] around robot and goal up to which a way is searched."""
-_FREE, _UNKNOWN, _OFF_PLAN, _WALL = 1.2, 2.5, 5.0, 15.0  # chosen
-"""Prices of unseen ground: free on the floor plan, without one, unknown to it, a wall on it. A wall
-of 0.1 m with the body's room beside it costs as much as a detour of 7 m."""
 _REPLAN = 1.0  # chosen
 """Time [s] between two plans."""
 _LOOKAHEAD = 2.5  # chosen
@@ -50,28 +44,6 @@ _SPARE = 0.08  # chosen
 """Room [m] beside the body on ways that were driven: it was kept from what was seen."""
 _FOUND = "found-"  # defined
 """Begin of the names of places on ways that were found."""
-
-
-@dataclass(frozen=True, slots=True)
-class UnseenGround:
-    """Prices of ground that was not seen, on the way to ``goal`` (x, y) [m]."""
-
-    goal: Point
-    plan: OccupancyMap | None
-
-    def corners(self, at: Point) -> Array:
-        """Return the corners (2, 2: x, y) [m] of the ground to search from ``at`` (x, y) [m]."""
-        ends = np.array([at, self.goal])
-        return np.stack([ends.min(axis=0) - _AROUND, ends.max(axis=0) + _AROUND])
-
-    def prices(self, points: Array, radius: float) -> Array:
-        """Return the prices (n,) of unseen cells at ``points`` (n, 2) [m] for a robot."""
-        if self.plan is None:
-            return np.full(len(points), _UNKNOWN)
-        around = radius * np.array([(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)])
-        states = np.stack([self.plan.state(points + offset) for offset in around])
-        prices = np.where(states[0] == FREE, _FREE, _OFF_PLAN)
-        return np.where((states == OCCUPIED).any(axis=0), _WALL, prices)
 
 
 class Standstill:
@@ -137,12 +109,7 @@ class WaySearch:
         if not len(path) or self.spent > _LIMIT:
             self.waypoint, self.path, self.cost = None, [], math.inf
             return
-        points = [*map(tuple, path.tolist()), (goal.x, goal.y)]
-        corners = [
-            replace(goal, x=x, y=y, kind="waypoint", final=False)
-            for x, y in ground.corners(points, at, _LOOKAHEAD)
-        ]
-        self.path = [*corners[:-1], goal]
+        self.path = ground.way(path, at, goal, _LOOKAHEAD)
         self.waypoint = steady(self.waypoint, self.path[0], at)
 
     def _shun(self, ground: KnownGround) -> None:

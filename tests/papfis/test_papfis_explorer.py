@@ -186,7 +186,7 @@ def test_progress_is_a_shorter_path_or_new_floor() -> None:
 
 def test_a_frontier_that_was_given_up_counts_again_when_it_changes() -> None:
     frontier = Frontier(1.0, 0.0, 2.0, 3.0, 0.3, (0.5, 0.0))
-    left = GivenUp.at(frontier, "nothing can be seen there")
+    left = GivenUp(frontier.x, frontier.y, frontier.gain, "nothing can be seen there")
     assert left.covers(frontier)
     assert not left.covers(Frontier(3.0, 0.0, 2.0, 3.0, 0.3, (0.5, 0.0)))
     assert not left.covers(Frontier(1.0, 0.1, 1.0, 3.0, 0.3, (0.5, 0.0)))
