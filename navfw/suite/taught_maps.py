@@ -29,7 +29,6 @@ from navfw.process.atomic import scratch_folder
 from navfw.process.target_lock import TargetLock
 from navfw.recording.provenance import code_fingerprint, files_fingerprint, files_in, fingerprint
 from navfw.recording.run_folder import RunFolder
-from navfw.recording.teaching import recorded_drive, teach
 from navfw.robot import RobotModel
 from navfw.signals import Pose, wrap_angle
 from navfw.sim.scene_geometry import SceneGeometry
@@ -175,6 +174,8 @@ def _map_of(session: Session, spec: TaughtSpec, name: str) -> TopoMap:
     The frame of a map is where its drive began: laid over the world by the true poses at its key
     poses, its coordinates are the world's but for what is bent.
     """
+    from navfw.recording.teaching import recorded_drive, teach  # which needs the extra bags
+
     result = session.run(record=spec.source == "tour")
     if spec.source == "explore":
         made, keys = result.explored_map(name), session.stack.growth.growing_map.keys
