@@ -8,16 +8,15 @@ import numpy as np
 from navfw.numerics import Array, Mask
 from navfw.numerics.arrays import Indices
 
+_GAPS = np.ones((3, 3), np.uint8)  # defined
+"""Structuring element that closes gaps of up to two cells between the rays of sparse flow."""
+
 
 def cell_disc(radius: int) -> Mask:
     """Return a disc: (2 radius + 1, 2 radius + 1), True within ``radius`` [cells] of the centre."""
     offsets = np.arange(-radius, radius + 1)
     within: Mask = offsets[:, None] ** 2 + offsets[None, :] ** 2 <= radius**2
     return within
-
-
-_GAPS = np.ones((3, 3), np.uint8)  # defined
-"""Structuring element that closes gaps of up to two cells between the rays of sparse flow."""
 
 
 def without_gaps(mask: Mask) -> Mask:

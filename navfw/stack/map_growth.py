@@ -35,11 +35,10 @@ class MapGrowth:
         """Begin an empty map in whose frame the robot is at ``pose``, by default the origin."""
         self.growing_map.reset(pose)
         self._handed_over = -math.inf
-        self._belief: Belief | None = None
 
     def corrected(self, belief: Belief, odometry: Odometry) -> Belief:
         """Return ``belief`` with its pose corrected as the map was, up to the last frame."""
-        growing, self._belief = self.growing_map, belief
+        growing = self.growing_map
         if not self._corrects or belief.lost or not growing.begun:
             return belief
         return replace(belief, pose=growing.correction.compose(odometry.pose))
@@ -51,12 +50,13 @@ class MapGrowth:
         moving: Sequence[OccupiedDisc],
         percept: Percept | None,
         seen_from: Pose,
+        belief: Belief | None = None,
     ) -> None:
         """Take in a frame, after ``local_map`` has; leave out what ``moving`` obstacles cover.
 
-        ``percept``, seen from odom pose ``seen_from``, is what the frame shows, if anything.
+        ``percept``, seen from odom pose ``seen_from``, is what the frame shows, if anything;
+        ``belief`` that of the localiser, if there is one.
         """
-        belief = self._belief
         if self._corrects or belief is None:
             self.growing_map.update(odometry, local_map, moving, percept, seen_from)
         elif not belief.lost and belief.sigma <= _SURE:

@@ -67,7 +67,8 @@ class MappingStack(Stack):
             self._larger |= reading.landmark_frame is not None
             shown = reading.landmark_frame if self._larger else reading.frame
             self._sight(shown, view.percept, seen_from.pose)
-            self._observe(frame, view, odometry, seen_from.pose)
+            moving = self._observe(frame, view, odometry, seen_from.pose)
+            self.growth.update(odometry, self.local_map, moving, view.percept, seen_from.pose)
             belief = Belief(odometry.time, self.growing.pose, np.zeros((3, 3)))
             percept = view.percept or self.state.percept
             self.state = StackState(reading.time, odometry, belief, view.flows, percept)

@@ -341,6 +341,7 @@ class Stack:
         While no behaviour handles moving obstacles, the local map counts them as occupied.
         """
         occupied = self._observe(frame, view, odometry, seen_from)
+        self.growth.update(odometry, self.local_map, occupied, view.percept, seen_from, belief)
         if self.known_walls is not None:
             walls = self.known_walls.around(belief, odometry.pose)
             self.local_map.occupancy.set_walls(walls)
@@ -355,7 +356,7 @@ class Stack:
     def _observe(
         self, frame: Frame, view: View, odometry: Odometry, seen_from: Pose
     ) -> tuple[OccupiedDisc, ...]:
-        """Take the ``view`` into local map, tracks and growing map; return the tracks' discs."""
+        """Take the ``view`` into local map and tracks; return the tracks' discs."""
         with timed(self.timings, "motion"):
             if self.safety.senses.seeing:
                 self.local_map.sight.observe_image(frame.image)
@@ -365,7 +366,6 @@ class Stack:
             self.tracker.prune(odometry.time, odometry.pose, self.local_map.occupancy.occupied_at)
             occupied = self.tracker.occupied_discs(odometry.time)
             self.local_map.forget_track(occupied)
-        self.growth.update(odometry, self.local_map, occupied, view.percept, seen_from)
         return occupied
 
     def _inputs(
