@@ -89,8 +89,9 @@ def assemble(folder: Path) -> None:
     shutil.copy(DOCS / "zensical.toml", folder)
     for page in pages.rglob("*.md"):
         page.write_text(_relinked(f"docs/{page.relative_to(pages)}"), encoding="utf-8")
-    recipes = pages / "recipes.md"
-    recipes.write_text(_RECIPE.sub(_shown, recipes.read_text(encoding="utf-8")), encoding="utf-8")
+    for name in ("recipes.md", "paper.md"):
+        text = (pages / name).read_text(encoding="utf-8")
+        (pages / name).write_text(_RECIPE.sub(_shown, text), encoding="utf-8")
     made = {**dict(readme_pages()), "python.md": notebook_page(), "api.md": api_page()}
     for source, name in PROJECT_PAGES.items():
         made[name] = _relinked(source)

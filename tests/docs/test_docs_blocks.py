@@ -197,6 +197,9 @@ def test_the_lists_of_blocks_have_nothing_superfluous() -> None:
 PUBLIC = ("navfw", "navfw.gym", "navfw.testing")
 """The modules that others import; all else in navfw is inner (docs/decisions/0138)."""
 
+SHOWN = {"examples/paper_in_one_file.py": "navfw.fuzzy"}
+"""The inner module that an example is about."""
+
 TEMPLATES = ROOT / "navfw" / "scaffold" / "templates"
 NOTEBOOK = json.loads((ROOT / "docs" / "python.ipynb").read_text(encoding="utf-8"))["cells"]
 CELLS = ["".join(cell["source"]) for cell in NOTEBOOK if cell["cell_type"] == "code"]
@@ -228,7 +231,12 @@ def wrong_imports(text: str) -> Iterator[str]:
 def test_no_inner_module_is_imported() -> None:
     texts = list(sources())
     assert len(texts) > 40
-    wrong = [f"{where}: {what}" for where, text in texts for what in wrong_imports(text)]
+    wrong = [
+        f"{where}: {what}"
+        for where, text in texts
+        for what in wrong_imports(text)
+        if what != f"{SHOWN.get(where)} is an inner module"
+    ]
     assert wrong == []
 
 

@@ -187,6 +187,7 @@ NOT_TYPED = {
     r".* examples/learn_weights": "an hour",
     r"navfw ros|ros2 |source /opt|python3 -m venv|~/navfw": "tests/ros; needs a distribution",
     r".* examples/(drive|simulated)_robot": "tests/docs/test_docs_real_robot.py",
+    r".* examples/paper_in_one_file": "tests/docs/test_docs_paper.py",
 }
 """Commands that are not typed here, as regular expressions, with the reason."""
 
