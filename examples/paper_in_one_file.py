@@ -7,7 +7,7 @@ text, in the files that each `Fis` names. docs/paper.md says what is left out, a
 
     python examples/paper_in_one_file.py [PAST NOW METRES DEGREES SECONDS]
 
-Without arguments it takes the images beside it. It has driven METRES and turned left by DEGREES.
+METRES driven and DEGREES turned left between the images; by default the two beside this file.
 """
 
 import sys
@@ -36,7 +36,7 @@ def system(file):
 
 
 class Fis:
-    """Fuzzify crisp inputs, and apply the rules: AND is the minimum, OR the maximum."""
+    """Fuzzify inputs, apply the rules (AND is min, OR max); ``result.first``: a term's strength."""
 
     def __init__(self, file, **inputs):
         self.outputs = system(file).rule_base.outputs
@@ -66,8 +66,7 @@ def derotate(past, turn):
     Sec 3: "it is mandatory to remove the rotational component before starting the 3D OF
     processing". Removed before the matching, it does not distort the windows either.
     """
-    c, s = np.cos(turn), np.sin(turn)
-    border = np.array([-0.5, 0.5]) * WIDTH
+    c, s, border = np.cos(turn), np.sin(turn), np.array([-0.5, 0.5]) * WIDTH
     moved = (c * border + s * FOCAL) / (c - s * border / FOCAL)
     if np.abs(moved - border).max() <= 0.05:  # [px]: too little to be seen
         return past.astype(float)
@@ -119,7 +118,7 @@ def match(past, now, r, c):
 # --- Sec 4.2: averaged OF vector metrics; sec 4.3: hierarchical segmentation ----------------------
 NUMBER, FOUR = np.array([[2, 1], [3, 4]]), (1, 2, 3, 4)  # Fig. 4: P1 is upper right
 ROW, COL = np.indices((ROWS, COLS))
-P = {f"P{n}": NUMBER[ROW // 6, COL // 8] == n for n in FOUR}  # Fig. 5a: layer 1
+P = {f"P{n}": NUMBER[ROW // 6, COL // 8] == n for n in FOUR}  # Fig. 5a: layer 1, 6 x 8 vectors each
 SP = {f"s{p}{n}": P[p] & (NUMBER[ROW % 6 // 3, COL % 8 // 4] == n) for p in P for n in FOUR}  # 5b
 PLACES = {"P1": "upper right", "P2": "upper left", "P3": "lower left", "P4": "lower right"}
 INNER = "sP12", "sP13", "sP21", "sP24", "sP31", "sP34", "sP42", "sP43"  # of the whole image
@@ -128,7 +127,7 @@ Percept = namedtuple("Percept", "sentence parts distances slopes situations")
 
 
 def average(u, v, reliable, expected, area):
-    """Average the vectors' projections on U and V over an area (Fig. 4), and nearness."""
+    """Average projections on U and V over an area (Fig. 4); nearness is flow by that at 1 m."""
     chosen = (reliable > 0.0) & area
     mu_u, mu_v = (np.abs(d[chosen]).sum() / max(chosen.sum(), 1) for d in (u, v))
     nearness = np.hypot(u, v)[chosen].sum() / max(expected[chosen].sum(), 1e-9)
@@ -137,7 +136,7 @@ def average(u, v, reliable, expected, area):
 
 # --- Sec 4.5, Fig. 8, and sec 5.2: OFFIS ----------------------------------------------------------
 def plane(i, j):
-    """Sec 5.2 a: infer whether parts i and j show one plane, and one object if alike in size."""
+    """Sec 5.2 a: IF mu_U OR mu_V of parts are equal THEN one plane; if alike in size one object."""
     width, height = (abs(a - b) / max(a + b, 1e-12) for a, b in zip(i[:2], j[:2], strict=True))
     size = min(i.size, j.size) / max(i.size, j.size, 1e-12)
     return Fis("navfw/offis/rules/plane", width=width, height=height, size=size)
@@ -187,13 +186,14 @@ def report(layer, names, distances):
 
 
 def offis(past, now, moved, turn, speed):
-    """Interpret two images; ``moved`` (ahead, left) [m] is in the robot's present axes."""
+    """Interpret two images; ``moved`` (ahead, left) [m] in present axes, ``turn`` left [rad]."""
     past = np.pad(derotate(past, turn), SEARCH, constant_values=np.nan)
     found = [match(past, now, r, c) for r, c in np.ndindex(ROWS, COLS)]
     u, v, reliable = np.array(found).T.reshape(3, ROWS, COLS)
     ahead = moved[0] + CAMERA_AHEAD * (1.0 - np.cos(turn))
     aside = moved[1] + CAMERA_AHEAD * np.sin(turn)
-    expected = np.hypot(X * ahead + FOCAL * aside, Y * ahead)  # flow times distance [px m]
+    expected = np.hypot(X * ahead + FOCAL * aside, Y * ahead)  # flow of a point 1 m away [px]
+    reliable *= np.hypot(ahead, aside) >= 0.005  # [m]: depth needs translation
     areas = {name: average(u, v, reliable, expected, cells) for name, cells in (P | SP).items()}
     layer1 = biggest(areas, list(P))
     layer2 = [name for p in layer1 for name in biggest(areas, [f"s{p}{n}" for n in FOUR])]
@@ -220,7 +220,7 @@ def desire(fis, turn=np.inf):
 
 
 def mofis(percept, goal, floor=1.0):
-    """Decide on v [m/s] and w [rad/s] toward ``goal`` (ahead, left) [m], PAPFIS' waypoint."""
+    """Decide on v [m/s], w [rad/s] for PAPFIS' waypoint (ahead, left) [m]; ``floor`` is given."""
     crisp = {  # 0 is near, 0.5 middle or unknown, 1 far
         name: (0.5 * d["middle"] + d["far"]) / sum(d.values()) if any(d.values()) else 0.5
         for name, d in percept.distances.items()

@@ -233,11 +233,24 @@ def test_it_chooses_from_the_commands_of_the_stack(alone: Stack) -> None:
     assert commands.w == same(PAPER.TOP_TURN * PAPER.TURNS)
 
 
-def test_nothing_is_seen_in_images_without_texture(alone: Stack) -> None:
+def test_nothing_is_seen_without_translation_or_texture_of_its_own(alone: Stack) -> None:
     grey = np.full((PAPER.HEIGHT, PAPER.WIDTH), 128, np.uint8)
     other = np.full_like(grey, 127)  # equal ones would be those of a camera that hangs
-    read = assert_equal(alone, replace(shipped(), past=other, now=grey), GOALS[0])
-    assert "nearest object is unknown" in read.sentence
+    tile = np.random.default_rng(0).integers(0, 255, (8, 8), np.uint8)
+    tiles = np.tile(tile, (PAPER.HEIGHT // 8, PAPER.WIDTH // 8))  # fit at several displacements
+    for moved in (
+        replace(shipped(), pose=START),
+        replace(shipped(), past=other, now=grey),
+        Moved(np.roll(tiles, 2, axis=1), tiles, Pose(-0.07, 0.0, 0.0), 0.3, 0.2),
+    ):
+        read = assert_equal(alone, moved, GOALS[0])
+        assert "nearest object is unknown" in read.sentence
+
+
+@pytest.mark.parametrize("turn", [0.0003, 0.00033])
+def test_a_turn_too_small_to_be_seen_is_not_removed(turn: float, alone: Stack) -> None:
+    moved = shipped()
+    assert_equal(alone, replace(moved, pose=replace(moved.pose, yaw=-turn)), GOALS[0])
 
 
 def test_the_page_shows_what_it_prints(
