@@ -3,16 +3,14 @@
 At each key pose the points seen over the last metres are matched to the map of earlier submaps.
 After a short drive the pose is known well enough for one match to count. After a long one, all
 poses that odometry leaves possible are rated. Those that fit are hypotheses, and one of them is
-taken when it has been the best by far at several key poses in a row. Hypotheses along one line, as
-in a corridor, agree in all but the position on it: they count as one that says nothing of that.
-Between the loops, walls whose directions were seen before show the heading.
+taken when it has been the best by far at several key poses in a row. Between the loops, walls
+whose directions were seen before show the heading.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -95,10 +93,8 @@ class LoopClosing:
     def __init__(self) -> None:
         self.hypotheses: tuple[Pose, ...] = ()
         self.closed = self.undecided = 0
-        self._closed_at = 0.0  # path [m] of the last closure
-        self._turned_at = 0.0  # the same for the heading, which one along a line corrects too
+        self._closed_at = self._turned_at = 0.0  # path [m] of the last closure, and heading
         self._leading: Pose | None = None  # the correction by the best hypothesis so far
-        self._line: Array | None = None  # the direction (2,) of which it says nothing
         self._relations: list[Relation] = []
         self._misses = 0
         self._walls = WallDirections()
@@ -152,70 +148,33 @@ class LoopClosing:
     def _judge(self, matcher: _Matcher, matches: list[SubmapMatch]) -> None:
         """Take in the ``matches`` of one key pose, best first: one that leads again gains by it."""
         self.hypotheses = tuple(match.pose for match in matches)
-        rivals = [match for match in matches[1:] if matches[0].rating - match.rating < _BETTER]
-        line = _common_line([match.pose for match in (*matches[:1], *rivals)]) if rivals else None
-        if not matches or (rivals and line is None):
+        best = matches[0] if matches else None
+        if best is None or any(best.rating - other.rating < _BETTER for other in matches[1:]):
             self._misses += 1
             if self._misses >= _MISSES:
                 self.undecided += bool(self._relations)
-                self._forget()
+                self._leading, self._relations = None, []
             return
         self._misses = 0
-        best, newest = matches[0], matcher.newest.pose
-        before = None if self._leading is None else self._leading.compose(newest)
-        either = self._line if line is None else line
-        if before is None or _differ(before, best.pose, _SAME, either):
-            self._forget()
-        if self._leading is None or line is None or self._line is not None:
-            self._leading, self._line = best.pose.frame_of(newest), line
-        self._relations.append(matcher.relation(best if line is None else _blurred(best, line)))
-
-    def _forget(self) -> None:
-        """Begin again: no hypothesis leads."""
-        self._leading, self._line, self._relations, self._misses = None, None, [], 0
+        newest = matcher.newest.pose
+        if self._leading is None or _differ(self._leading.compose(newest), best.pose, _SAME):
+            self._relations = []
+        self._leading = best.pose.frame_of(newest)
+        self._relations.append(matcher.relation(best))
 
     def _confirmed(self, path: float) -> list[Relation]:
         """Return the relations that are certain now, after ``path`` [m]."""
-        relations = self._relations
+        relations, self._relations = self._relations, []
+        self.hypotheses, self._leading, self._misses = (), None, 0
         self.closed += 1
-        self._turned_at = path
-        if self._line is None:
-            self._closed_at = path
-        self._forget()
-        self.hypotheses = ()
+        self._closed_at = self._turned_at = path
         return relations
 
 
-def _differ(
-    a: Pose, b: Pose, apart: tuple[float, float] = _APART, line: Array | None = None
-) -> bool:
-    """Return whether two poses are different hypotheses: farther ``apart`` [m, rad] than this.
-
-    The distance is that from the ``line`` (2,) through one of them, if there is one.
-    """
-    x, y = a.x - b.x, a.y - b.y
-    away = math.hypot(x, y) if line is None else abs(x * line[1] - y * line[0])
-    return away > apart[0] or abs(wrap_angle(a.yaw - b.yaw)) > apart[1]
-
-
-def _common_line(poses: Sequence[Pose]) -> Array | None:
-    """Return the direction (2,) of the line on which all ``poses`` lie alike; None without one."""
-    first, *others = poses
-    farthest = max(others, key=lambda pose: math.dist((pose.x, pose.y), (first.x, first.y)))
-    line: Array = np.array([farthest.x - first.x, farthest.y - first.y])
-    length = math.hypot(*line)
-    if length < _APART[0]:
-        return None
-    line /= length
-    return None if any(_differ(first, pose, _SAME, line) for pose in others) else line
-
-
-def _blurred(match: SubmapMatch, line: Array) -> SubmapMatch:
-    """Return ``match`` with information that says nothing of the position on ``line`` (2,)."""
-    along = np.array([*line, 0.0])
-    known = product(match.information, along)
-    rest = match.information - np.outer(known, known) / max(float(product(along, known)), 1e-9)
-    return replace(match, information=rest)
+def _differ(a: Pose, b: Pose, apart: tuple[float, float] = _APART) -> bool:
+    """Return whether two poses are different hypotheses: farther ``apart`` [m, rad] than this."""
+    turn = abs(wrap_angle(a.yaw - b.yaw))
+    return math.dist((a.x, a.y), (b.x, b.y)) > apart[0] or turn > apart[1]
 
 
 class _Matcher:

@@ -24,7 +24,8 @@ def corridor(yaw: float, noise: float, seed: int, slant: float = 0.0) -> Array:
     across = np.stack([np.full(40, 1.5), rng.uniform(0.8, 1.6, 40)], axis=1)
     points = np.concatenate([walls, across]) + rng.normal(0.0, noise, (340, 2))
     c, s = math.cos(slant - yaw), math.sin(slant - yaw)
-    return product(points, np.array([[c, s], [-s, c]]))
+    seen: Array = product(points, np.array([[c, s], [-s, c]]))
+    return seen
 
 
 def arc(radius: float, seed: int) -> Array:
