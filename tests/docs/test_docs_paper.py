@@ -247,6 +247,16 @@ def test_nothing_is_seen_without_translation_or_texture_of_its_own(alone: Stack)
         assert "nearest object is unknown" in read.sentence
 
 
+def test_walls_of_little_contrast_are_reliable_to_the_same_limit(alone: Stack) -> None:
+    def faint(image: Image) -> Image:
+        upper = image[: PAPER.HEIGHT // 2].astype(np.float64)
+        dim = np.round(128.0 + 0.15 * (upper - 128.0)).astype(np.uint8)
+        return np.concatenate([dim, image[PAPER.HEIGHT // 2 :]])
+
+    moved = shipped()
+    assert_equal(alone, replace(moved, past=faint(moved.past), now=faint(moved.now)), GOALS[0])
+
+
 @pytest.mark.parametrize("turn", [0.0003, 0.00033])
 def test_a_turn_too_small_to_be_seen_is_not_removed(turn: float, alone: Stack) -> None:
     moved = shipped()
