@@ -257,6 +257,13 @@ def test_walls_of_little_contrast_are_reliable_to_the_same_limit(alone: Stack) -
     assert_equal(alone, replace(moved, past=faint(moved.past), now=faint(moved.now)), GOALS[0])
 
 
+def test_objects_are_left_out_from_the_same_distance_on(alone: Stack) -> None:
+    moved = shipped()
+    for times in range(6, 24, 3):  # as far again as the robot has moved farther
+        pose = Pose(times * moved.pose.x, times * moved.pose.y, moved.pose.yaw)
+        assert_equal(alone, replace(moved, pose=pose), GOALS[0])
+
+
 @pytest.mark.parametrize("turn", [0.0003, 0.00033])
 def test_a_turn_too_small_to_be_seen_is_not_removed(turn: float, alone: Stack) -> None:
     moved = shipped()
