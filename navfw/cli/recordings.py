@@ -115,19 +115,27 @@ def _replay_run(folder: Path, video: Path | None, *, json: bool) -> None:
 def explain(
     folder: Recorded,
     at: Annotated[float, typer.Option("--at", help="Time since the start of the run [s].")],
+    inference: Annotated[
+        bool,
+        typer.Option(
+            "--inference", help="With --json: how OFFIS came to its sentence; repeats the run."
+        ),
+    ] = False,
     json: Json = False,
 ) -> None:
     """Explain the command at one moment. Lists the behaviours, and the rules that fired."""
+    if inference and not json:
+        raise typer.BadParameter("is printed with --json alone", param_hint="--inference")
     with quiet_stdout():
-        from navfw.recording.run_replay import explain_at
+        from navfw.recording.explanations import explain_at
 
-        explanation = explain_at(folder, at)
+        explanation = explain_at(folder, at, inference=inference)
     if not explanation.get("complete", True):
         echo("note: the recording ends before its run did", err=True)
     if json:
         print_json(explanation)
     else:
-        from navfw.mofis.mofis import explanation_lines
+        from navfw.mofis.explanation_text import explanation_lines
 
         echo("\n".join([*explanation_lines(explanation), *_not_heard(explanation)]))
 

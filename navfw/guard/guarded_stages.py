@@ -178,9 +178,13 @@ class GuardedPlanner(GuardedStage[interfaces.Planner]):
         """What was found to differ from the map."""
         return self._attempt(lambda: self.plugin.notes, check=answers.check_reason) or ""
 
-    def explain_choice(self) -> Mapping[str, Any]:
-        """Why the planner heads for where it does; empty if a route says it."""
-        return self._attempt(self.plugin.explain_choice, check=answers.check_explanation) or {}
+    def explain_choice(self, guard: PluginGuard | None = None) -> Mapping[str, Any]:
+        """Why the planner heads for where it does; empty if a route says it.
+
+        A fault goes to ``guard``, by default that of the stage.
+        """
+        explain, check = self.plugin.explain_choice, answers.check_explanation
+        return (guard or self.guard).attempt(self.label, explain, check=check) or {}
 
 
 class GuardedController(GuardedStage[interfaces.Controller]):

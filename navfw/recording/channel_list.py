@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from enum import IntFlag
 from typing import TYPE_CHECKING, Self
 
-from navfw.numerics import Image
-from navfw.signals import Pose
-
 if TYPE_CHECKING:
+    from navfw.numerics import Image
     from navfw.recording.top_view import WorldOutline
+    from navfw.signals import Pose
     from navfw.stack import Stack
 
 SCHEMA_NAME = "navfw_msgs/msg/SensorReading"
@@ -112,7 +111,7 @@ COMMAND = Topic(
     "/command", "navfw.Command", "10 Hz", "the command, its leader, weights and reasons"
 )
 RULES = Topic(
-    "/command/rules", "navfw.FiredRules", "5 Hz", "rules that fired, as `navfw explain --json`"
+    "/command/rules", "navfw.FiredRules", "10 Hz", "rules that fired, as `navfw explain --json`"
 )
 IMU = Topic("/imu", "sensor_msgs/msg/Imu", "60 Hz", "gyro")
 JOINTS = Topic("/joint_states", "sensor_msgs/msg/JointState", "60 Hz", "wheels")
@@ -133,7 +132,7 @@ CHANNELS = (
 
 Discs = Sequence[tuple[float, float, float]]
 """x, y, radius [m, map frame]."""
-Chase = Callable[[Pose, Discs], Image]
+Chase = Callable[["Pose", Discs], "Image"]
 """Draws the robot at its true pose among what moves by itself, seen from behind, in BGR."""
 
 

@@ -28,13 +28,13 @@ import numpy as np
 
 from navfw.config.extras import extra_imports
 from navfw.config.image_file import decode_image
-from navfw.config.input_file import is_file, open_input, shown_path
+from navfw.config.input_file import open_input, shown_path
 from navfw.errors import ConfigError
 from navfw.numerics import Image
 from navfw.process.atomic import AtomicFolder
 from navfw.recording import channel_list as topics
 from navfw.recording.ros_messages import message_types
-from navfw.recording.run_folder import RECORDING
+from navfw.recording.run_folder import recording_in
 
 with extra_imports("record"):
     from mcap.records import Channel, DataEnd, Header, McapRecord, Message, Metadata, Schema
@@ -215,19 +215,6 @@ def image_of(message: RecordedMessage, path: Path) -> Image:
     where = f"{shown_path(path)}: {message.topic} at {message.time:.2f} s"
     image = decode_image(bytes(message.content.data), where, cv2.IMREAD_GRAYSCALE)
     return np.asarray(image, dtype=np.uint8)
-
-
-def recording_in(folder: str | Path) -> Path:
-    """The recording in a run folder.
-
-    Raises:
-        ConfigError: there is none; the message says how to get one.
-
-    """
-    path = Path(folder) / RECORDING
-    if is_file(path):
-        return path
-    raise ConfigError("contains no sensor readings; run again with --record", file=folder)
 
 
 def open_run(folder: str | Path, chase: topics.Chase | None = None) -> RecordedRun:

@@ -16,8 +16,6 @@ from foxglove.messages import Timestamp
 
 from navfw.config.input_file import read_json_object
 from navfw.guard import PluginGuard
-from navfw.guard.stage_answers import check_explanation
-from navfw.mofis.mofis import explain_command
 from navfw.numerics import Image
 from navfw.recording import channel_list as topics
 from navfw.recording import ros_messages as ros
@@ -25,7 +23,6 @@ from navfw.recording import viewer_messages as messages
 from navfw.recording.channel_list import SeenRun
 from navfw.recording.run_folder import plain_json
 from navfw.signals import Command, Percept, Pose, SensorReading, Twist
-from navfw.stack import Stack
 from navfw.stack.stack_state import StackState
 
 _IMAGE_FORMAT = "png"
@@ -153,7 +150,7 @@ def _views(
         yield topics.LOCAL_MAP, partial(messages.local_map_message, grid, stamp)
     if command is not None:
         yield topics.COMMAND, partial(_command, state, command)
-        yield topics.RULES, partial(_rules, stack, state, command, guard)
+        yield topics.RULES, partial(stack.explain, guard, inference=False)
 
 
 def context_channels(context: Context) -> OpenChannel:
@@ -214,17 +211,3 @@ def _command(state: StackState, command: Command) -> Mapping[str, Any]:
         "lost": belief is not None and belief.lost,
         "hypotheses": 0 if belief is None else belief.hypotheses,
     }
-
-
-def _rules(
-    stack: Stack, state: StackState, command: Command, guard: PluginGuard
-) -> Mapping[str, Any]:
-    """The rules that fired for the command, as ``navfw explain`` gives them."""
-    if state.proposals is None:
-        return {}
-    fired = explain_command(command, state.proposals, stack.mofis, guard)
-    sentence = "" if state.percept is None else state.percept.sentence
-    planner = stack.planner
-    plan = guard.attempt(planner.label, planner.plugin.explain_choice, check=check_explanation)
-    shown = {"plan": plan} if plan else {}
-    return {**fired, "perception": {"sentence": sentence}, **shown}

@@ -50,6 +50,19 @@ def is_bag(path: Path) -> bool:
     return path.suffix in {".bag", ".mcap", ".db3"} or is_file(path / "metadata.yaml")
 
 
+def recording_in(folder: str | Path) -> Path:
+    """The recording in a run folder.
+
+    Raises:
+        ConfigError: there is none; the message says how to get one.
+
+    """
+    path = Path(folder) / RECORDING
+    if is_file(path):
+        return path
+    raise ConfigError("contains no sensor readings; run again with --record", file=folder)
+
+
 def plain_json(value: Any) -> Any:
     """``value`` with numpy scalars, tuples and paths as JSON values; inf and nan become null."""
     if isinstance(value, Mapping):

@@ -16,13 +16,13 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from navfw.config.yamlfile import rewording
-from navfw.errors import ConfigError, InputError
+from navfw.errors import ConfigError
 from navfw.features.landmark_appearance import check_landmark_kind
 from navfw.numerics import Array, Image
 from navfw.plugins.fault_injection import inject_faults
 from navfw.recording import channel_list as topics
-from navfw.recording.recorded_run import RecordedRun, image_of, located_damage, recording_in
-from navfw.recording.run_folder import RESULT, read_result
+from navfw.recording.recorded_run import RecordedRun, image_of, located_damage
+from navfw.recording.run_folder import RESULT, read_result, recording_in
 from navfw.recording.run_observers import hash_commands
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Encoders, Frame, Inertial, Pose, SensorReading, Twist, Waypoint
@@ -160,34 +160,27 @@ def replay(folder: str | Path) -> ReplayResult:
     return replay_by(stack.step, recording, faults.update)
 
 
-def explain_at(folder: str | Path, time: float) -> dict[str, Any]:
-    """Why the command in force at ``time`` [s] of a recorded run was given, as plain data.
+def repeat_until(folder: str | Path, time: float) -> tuple[dict[str, Any], float]:
+    """Run the stack on the readings up to ``time`` [s]; return how it explains its last command.
 
-    The proposal of each behaviour for it, the rules that fired with their strengths, and the inputs
-    and results of OFFIS (``Stack.explain``). Only if the recording ends before its run did is there
-    a key ``complete``, which is False.
+    The explanation is empty before the first command. Also returns the time [s] of the last
+    reading.
 
     Raises:
-        InputError: the folder is not that of a run with ``--record``, or is damaged; or no command
-            was in force at that time.
+        InputError: the folder is not that of a run with ``--record``, or is damaged.
 
     """
     stack, recording, faults = _started(Path(folder))
-    last = recording.readings[-1].time if len(recording) else 0.0
     for reading in recording.readings:
         if reading.time > time + 1e-9:
             break
         faults.update(reading.time)
         stack.step(reading)
     explanation = stack.explain()
-    if time < 0.0 or time > last + 1.0 or not explanation:
-        raise InputError(
-            f"no command was in force at {time:g} s; expected a time within the run's "
-            f"{last:.1f} s, after its first command",
-            file=folder,
-            key="--at",
-        )
-    return explanation if recording.complete else {**explanation, "complete": False}
+    last = recording.readings[-1].time if len(recording) else 0.0
+    if explanation and not recording.complete:
+        explanation["complete"] = False
+    return explanation, last
 
 
 def _started(folder: Path) -> tuple[Stack, SensorRecording, _FaultReplay]:

@@ -23,8 +23,7 @@ from navfw.mapping import GrowingMap, join, made_map, with_place
 from navfw.mapping.evidence_grid import KeyPose
 from navfw.plugins import default_registry
 from navfw.process.work_progress import ProgressCallback, silent
-from navfw.recording.recorded_run import recording_in
-from navfw.recording.run_folder import RESULT, read_result
+from navfw.recording.run_folder import RESULT, read_result, recording_in
 from navfw.recording.run_replay import RecordedMission, load_recording
 from navfw.robot import RobotModel
 from navfw.signals import Pose, SensorReading

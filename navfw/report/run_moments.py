@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from navfw.mofis.mofis import explanation_lines
+from navfw.mofis.explanation_text import explanation_lines
 from navfw.numerics import Array, Image
 from navfw.recording import channel_list as topics
 from navfw.recording import palette

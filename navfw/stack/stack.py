@@ -141,29 +141,30 @@ class Stack:
         """The stack's resolved configuration as plain data."""
         return self.resolved.as_data()
 
-    def explain(self) -> dict[str, Any]:
+    def explain(
+        self, guard: PluginGuard | None = None, *, inference: bool = True
+    ) -> dict[str, Any]:
         """Explain the last command: percept, proposals, weights, and the rules that fired.
 
-        Returns plain data, as ``explanation_lines`` takes it; empty before the first command.
+        Returns plain data, as ``explanation_lines`` takes it; empty before the first command. The
+        faults of plugins that fail to explain go to ``guard``, by default that of the stack.
+        ``inference`` adds how OFFIS came to its sentence, most of the data.
         """
-        state = self._decided
+        state, guard = self._decided, guard or self.guard
         if state is None or state.command is None or state.proposals is None:
             return {}
-        mofis = self.mofis
-        with self.guard.watchdog.on_duty():
-            explanation = explain_command(state.command, state.proposals, mofis)
+        with guard.watchdog.on_duty():
+            explanation = explain_command(state.command, state.proposals, self.mofis, guard)
+            plan = self.planner.explain_choice(guard)
         if state.percept is not None:
-            explanation["perception"] = {
-                "sentence": state.percept.sentence,
-                "inference": dict(state.percept.explanation),
-            }
+            explanation["perception"] = {"sentence": state.percept.sentence}
+            if inference:
+                explanation["perception"]["inference"] = dict(state.percept.explanation)
         if state.stixels is not None:
             explanation["stixels"] = state.stixels.explain()
         if state.odometry is not None and state.odometry.doubt:
             explanation["odometry"] = state.odometry.doubt
-        if plan := self.planner.explain_choice():
-            explanation["plan"] = plan
-        return explanation
+        return {**explanation, "plan": plan} if plan else explanation
 
     def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
         """Begin a mission at ``pose`` (map frame; None: unknown): visit ``goals`` in order.

@@ -26,7 +26,7 @@ from navfw.missions.outcome import MissionVerdict
 from navfw.missions.run_metrics import RunResult
 from navfw.missions.session import MissionResult
 from navfw.missions.session_setup import run as run_mission
-from navfw.mofis.mofis import explanation_lines
+from navfw.mofis.explanation_text import explanation_lines
 from navfw.numerics import Array
 from navfw.recording.run_folder import PICTURE, RECORDING, RunFolder
 from navfw.recording.run_observers import RunLog

@@ -117,7 +117,7 @@ def test_only_an_outvoted_behavior_of_the_user_is_sent_to_the_page(
     }
     behaviors = {name: rating | {"reason": "", "rules": []} for name, rating in ratings.items()}
     why = {"time": 1.0, "v": 0.0, "w": 0.0, "leader": "peek", "behaviors": behaviors}
-    monkeypatch.setattr("navfw.recording.run_replay.explain_at", lambda *_: why)
+    monkeypatch.setattr("navfw.recording.explanations.explain_at", lambda *_, **__: why)
     lines = output(*words_of("explain /tmp/straight --at 1", folder)).splitlines()
     page = "desired another command and was outvoted: see docs/not-heard.md"
     assert [line for line in lines if "docs/" in line] == [f"mine {page}"]

@@ -14,7 +14,8 @@ from navfw.missions.mission_events import EventClock
 from navfw.missions.missionspec import EventSpec, NearTrigger
 from navfw.missions.run_report import write_run
 from navfw.recording import RunFolder, read_result
-from navfw.recording.run_replay import explain_at, replay
+from navfw.recording.explanations import explain_at
+from navfw.recording.run_replay import replay
 from navfw.signals import Pose
 from navfw.sim.event_actions import CameraFault, GyroFault
 from navfw.topomap import Place

@@ -17,9 +17,11 @@ from navfw.missions import MissionResult, prepare
 from navfw.missions.run_report import write_run
 from navfw.numerics import Image
 from navfw.recording import RECORDING, RESULT, RunFolder, read_result, ros_message
-from navfw.recording.channel_list import CAMERA_IMAGE
+from navfw.recording.channel_list import CAMERA_IMAGE, RULES
+from navfw.recording.explanations import explain_at
 from navfw.recording.recorded_run import RecordedRun, image_of
-from navfw.recording.run_replay import explain_at, replay
+from navfw.recording.run_folder import plain_json
+from navfw.recording.run_replay import repeat_until, replay
 
 # None in sys.modules makes the import of PyBullet fail.
 ALONE = """
@@ -140,3 +142,60 @@ def test_every_command_is_explained_rule_by_rule(driven: Driven) -> None:
 def test_a_time_without_a_command_cannot_be_explained(driven: Driven, time: float) -> None:
     with pytest.raises(InputError, match="no command was in force"):
         explain_at(driven[1], time)
+
+
+LIGHT = """
+import json, sys
+from navfw.recording.explanations import explain_at
+print(explain_at(sys.argv[1], 5.0)["leader"])
+heavy = ("numba", "cv2", "navfw.stack.stack", "navfw.mofis.mofis")
+print(json.dumps([name for name in heavy if name in sys.modules]))
+"""
+
+
+def without_rules(folder: Path, copy: Path) -> Path:
+    """A copy of a run folder whose recording has no explanations."""
+    for name in (RESULT, "map.yaml", "stack.yaml"):
+        (copy / name).write_bytes((folder / name).read_bytes())
+    rewrite(
+        folder / RECORDING,
+        copy / RECORDING,
+        lambda topic, data: None if topic == RULES else data,
+    )
+    return copy
+
+
+@pytest.mark.parametrize("time", [1.5, 3.0, 4.95, 5.0, 5.999])
+def test_a_recorded_explanation_is_that_of_the_stack_run_again(driven: Driven, time: float) -> None:
+    explanation, last = repeat_until(driven[1], time)
+    assert explain_at(driven[1], time, inference=True) == explanation
+    inference = explanation["perception"].pop("inference")
+    assert "regions" in inference
+    assert explain_at(driven[1], time) == json.loads(json.dumps(plain_json(explanation)))
+    assert explanation["time"] <= time <= last + 1.0
+
+
+def test_a_recorded_explanation_needs_neither_stack_nor_kernels(driven: Driven) -> None:
+    done = python(LIGHT, driven[1])
+    assert done.returncode == 0, done.stderr
+    leader, heavy = done.stdout.splitlines()
+    assert leader == explain_at(driven[1], 5.0)["leader"]
+    assert json.loads(heavy) == []
+
+
+def test_without_recorded_explanations_the_stack_is_run_again(
+    driven: Driven, tmp_path: Path
+) -> None:
+    explanation = explain_at(without_rules(driven[1], tmp_path), 5.0)
+    assert explanation == explain_at(driven[1], 5.0, inference=True)
+
+
+def test_a_recording_that_is_cut_off_is_explained_as_far_as_it_goes(
+    driven: Driven, tmp_path: Path
+) -> None:
+    copy = without_rules(driven[1], tmp_path)
+    data = (driven[1] / RECORDING).read_bytes()
+    (copy / RECORDING).write_bytes(data[: len(data) * 3 // 4])
+    explanation = explain_at(copy, 2.0)
+    assert explanation["complete"] is False
+    assert explanation["behaviors"] == explain_at(driven[1], 2.0)["behaviors"]

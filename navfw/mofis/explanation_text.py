@@ -1,0 +1,56 @@
+"""Explanations as text, from plain data alone: a recorded one is shown without running anything."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+_OTHERS = 3  # chosen
+"""Number of other places to head for that an explanation lists."""
+
+
+def explanation_lines(explanation: dict[str, Any]) -> list[str]:
+    """Format an explanation as lines: command, what was perceived, weights, reasons and rules.
+
+    ``explanation`` is the result of ``Stack.explain``. Behaviours are ordered by weight.
+    """
+    perceived = explanation.get("perception", {}).get("sentence", "")
+    lines = [
+        f"at {explanation['time']:.1f} s: v {explanation['v']:+.2f} m/s, "
+        f"w {explanation['w']:+.2f} rad/s, led by {explanation['leader']}",
+        f"  perceived  {perceived or 'nothing yet'}",
+    ]
+    lines += [f"  odometry   {text}" for key, text in explanation.items() if key == "odometry"]
+    lines += _plan_lines(explanation.get("plan", {}))
+    composite = explanation.get("composite", {"rules": ()})
+    if composite["rules"]:
+        weights = ", ".join(f"{name} {weight:.2f}" for name, weight in composite["weights"].items())
+        lines.append(f"  {composite['name']} weights {weights}")
+        lines += [f"      {rule['strength']:.2f}  {rule['rule']}" for rule in composite["rules"]]
+    ordered = sorted(explanation["behaviors"].items(), key=lambda item: -item[1]["weight"])
+    for name, rating in ordered:
+        lines.append(
+            f"  {name}: weight {rating['weight']:.2f}, desirability {rating['desirability']:.2f}, "
+            f"prohibition {rating['prohibition']:.2f} - {rating['reason']}"
+        )
+        lines += [f"      {rule['strength']:.2f}  {rule['rule']}" for rule in rating["rules"]]
+    return lines
+
+
+def _plan_lines(plan: Mapping[str, Any]) -> list[str]:
+    """Format why an exploring planner heads for where it does; no lines without such a planner."""
+    if not plan:
+        return []
+    where = f" at ({plan['x']:.1f}, {plan['y']:.1f})" if "x" in plan else ""
+    inputs = ", ".join(f"{name} {value:.2f}" for name, value in plan.get("inputs", {}).items())
+    merit = f": merit {plan['merit']:.2f} of {inputs}" if inputs else ""
+    lines = [f"  heads for {plan['heads_for']}{where}{merit}"]
+    lines += [f"      {rule['strength']:.2f}  {rule['rule']}" for rule in plan.get("rules", ())]
+    lines += [
+        f"      {other['merit']:.2f}  instead ({other['x']:.1f}, {other['y']:.1f}), "
+        f"gain {other['gain']:.1f} m2, path {other['path']:.1f} m"
+        for other in plan.get("others", ())[:_OTHERS]
+    ]
+    for left in plan.get("given_up", ()):
+        lines.append(f"      given up ({left['x']:.1f}, {left['y']:.1f}): {left['why']}")
+    return lines

@@ -1,0 +1,82 @@
+"""Explanations of recorded commands: read from the recording, at any moment of it.
+
+A recording has the explanation of every decision, found by the index at its end. What it lacks (the
+inference behind the sentence, explanations in a file that is cut off or older) the stack gives
+again, run on the readings from the start.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from navfw.config.extras import extra_imports
+from navfw.errors import InputError
+from navfw.recording import channel_list as topics
+from navfw.recording.run_folder import recording_in
+
+_AFTER = 1.0
+"""Time [s] after the last reading for which its command counts as in force."""
+
+
+def explain_at(folder: str | Path, time: float, *, inference: bool = False) -> dict[str, Any]:
+    """Why the command in force at ``time`` [s] of a recorded run was given, as plain data.
+
+    The proposal of each behaviour for it, the rules that fired with their strengths, and what OFFIS
+    perceived (``Stack.explain``); with ``inference``, how OFFIS inferred that. Only if the
+    recording ends before its run did is there a key ``complete``, which is False.
+
+    Raises:
+        InputError: the folder is not that of a run with ``--record``, or is damaged; or no command
+            was in force at that time.
+
+    """
+    recorded = None if inference else _recorded(recording_in(folder), time)
+    if recorded is None:
+        from navfw.recording.run_replay import repeat_until
+
+        recorded = repeat_until(folder, time)
+    explanation, last = recorded
+    if time < 0.0 or time > last + _AFTER or not explanation:
+        raise InputError(
+            f"no command was in force at {time:g} s; expected a time within the run's "
+            f"{last:.1f} s, after its first command",
+            file=folder,
+            key="--at",
+        )
+    return explanation
+
+
+def _recorded(file: Path, time: float) -> tuple[dict[str, Any], float] | None:
+    """The recorded explanation at ``time`` [s], and the time of the last reading [s].
+
+    None if the file does not have it, or is not whole: what is wrong with it is found by reading
+    all of it.
+    """
+    with extra_imports("record"):
+        from mcap.exceptions import McapError
+        from mcap.reader import SeekingReader
+
+    try:
+        with file.open("rb") as stream:
+            reader = SeekingReader(stream, validate_crcs=True)
+            whole = reader.get_header().profile == f"{topics.PROFILE}{topics.FORMAT_VERSION}"
+            summary = reader.get_summary()
+            if summary is None or summary.statistics is None or not whole:
+                return None
+            if not any(index.name == topics.END for index in summary.metadata_indexes):
+                return None
+            last = 1e-9 * summary.statistics.message_end_time
+            before = topics.nanoseconds(max(time, 0.0)) + 1
+            wanted = (topics.RULES, topics.COMMAND)
+            decided = 0
+            for _, channel, message in reader.iter_messages(
+                wanted, ending_before=before, reverse=True
+            ):
+                decided = max(decided, message.log_time)
+                if channel.topic == topics.RULES:
+                    return (json.loads(message.data), last) if message.log_time == decided else None
+    except (McapError, OSError, ValueError, LookupError):
+        return None
+    return None if decided else ({}, last)
