@@ -322,7 +322,9 @@ def _print_result(summary: Mapping[str, Any]) -> None:
     clearance = "no obstacle near" if nearest is None else f"at least {nearest:.2f} m"
     explored = summary.get("exploration")
     compared = "nearest-frontier tour" if explored else "shortest"
+    cause, seen = summary.get("cause", ""), summary.get("cause_seen", "")
     rows = {
+        **({"cause": f"{seen} ({cause})" if seen else cause} if cause else {}),
         "path": f"{summary['path_length_m']:.2f} m, {compared} {summary['shortest_path_m']:.2f} m"
         f" (SPL {summary['spl']:.2f})",
         **_explored_rows(explored),

@@ -94,14 +94,15 @@ class RunMetrics:
 class RunResult(RunMetrics):
     """Outcome and metrics of a run, as plain data.
 
-    ``collision_cause`` is "mover" when a mover ran into a robot that was not driving towards it,
-    "robot" for any other collision, None without one; ``contacts`` has the first contact of each.
-    ``oracle_plugins`` names the plugins that use the simulator's truth, declared or by their
-    source. ``faults`` are what plugins did wrong, ``objections`` the plugins that failed in more
-    than a tenth of their calls, but for those that the mission's events made fail. ``notes``
-    say what the planner found to differ from the map. ``exploration`` is what an exploration
-    observed, None for other missions. ``map_changes`` say how the building was seen to differ
-    from the map.
+    ``cause`` is the cause of a failure (``navfw.missions.outcome.Cause``), ``cause_seen`` what a
+    person sees of it; both are empty without a failure. ``collision_cause`` is "mover" when a mover
+    ran into a robot that was not driving towards it, "robot" for any other collision, None without
+    one; ``contacts`` has the first contact of each. ``oracle_plugins`` names the plugins that use
+    the simulator's truth, declared or by their source. ``faults`` are what plugins did wrong,
+    ``objections`` the plugins that failed in more than a tenth of their calls, but for those that
+    the mission's events made fail. ``notes`` say what the planner found to differ from the map.
+    ``exploration`` is what an exploration observed, None for other missions. ``map_changes`` say
+    how the building was seen to differ from the map.
     """
 
     outcome: Outcome
@@ -125,6 +126,8 @@ class RunResult(RunMetrics):
     events: tuple[EventRecord, ...]
     exploration: ExplorationResult | None = None
     map_changes: tuple[MapChange, ...] = ()
+    cause: str = ""
+    cause_seen: str = ""
 
     def summary(self) -> dict[str, Any]:
         """The content of ``navfw run --json``: one flat object, the outcome first."""

@@ -17,6 +17,7 @@ from typing import Any, Self
 from navfw.errors import InputError
 from navfw.mapping import MapChange, changes_between, corrected_map, made_map
 from navfw.missions.exploration_result import ExplorationResult, measure_exploration
+from navfw.missions.failure_causes import failure_of
 from navfw.missions.mission_events import EventClock, EventRecord
 from navfw.missions.missionfile import MissionFile
 from navfw.missions.missionspec import EventSpec
@@ -288,7 +289,7 @@ class MissionResult(RunResult):
             moving=[track for track in (movers, changes) if track is not None],
         )
         oracles, failed = simulator_users(plugins_of(stack)), stack.guard.unreliable
-        return cls(
+        result = cls(
             **vars(metrics),
             outcome=verdict.outcome,
             reason=verdict.reason,
@@ -319,6 +320,8 @@ class MissionResult(RunResult):
             movers=movers,
             changes=changes,
         )
+        cause, cause_seen = failure_of(result)
+        return replace(result, cause=cause, cause_seen=cause_seen)
 
     def explored_map(self, name: str) -> TopoMap:
         """The map ``name`` (of a file, or plain) of what an exploration observed.

@@ -16,8 +16,6 @@ import json
 import math
 import re
 import sqlite3
-import sys
-import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -123,19 +121,6 @@ def _barn_score(run: MissionResult) -> float | None:
     return barn_score(run.outcome.succeeded, run.traversal_s, path)
 
 
-def _cause(run: MissionResult) -> str:
-    """The cause of a failure; "" for a run that succeeded or was cancelled."""
-    if run.outcome.succeeded or run.outcome is Outcome.CANCELLED:
-        return ""
-    from navfw.suite.failure_causes import classify, collect_symptoms
-
-    try:
-        return str(classify(collect_symptoms(run)) or "")
-    except Exception:  # a failed classification does not invalidate the result
-        traceback.print_exc(file=sys.stderr)
-        return str(Cause.UNKNOWN)
-
-
 def _explored(run: MissionResult, name: str) -> float | None:
     return None if run.exploration is None else float(getattr(run.exploration, name))
 
@@ -173,7 +158,7 @@ class RunRow:
     hazards: str = _of(lambda run: ", ".join(run.session.world.hazards), "")
     outcome: str
     reason: str = _of(lambda run: run.reason, "")
-    cause: str = _of(_cause, "")
+    cause: str = _of(lambda run: run.cause, "")
     notes: str = _of(lambda run: run.notes, "")
     behavior: str = _of(lambda run: run.behavior, "")
     sim_time_s: float | None = _of(lambda run: run.sim_time_s, None)
@@ -213,10 +198,8 @@ class RunRow:
         sources = {f.name: f.metadata["source"] for f in fields(cls) if f.metadata}
         measured = {name: source(result) for name, source in sources.items()}
         if measured["cause"]:
-            from navfw.suite.failure_causes import sentence
-
-            seen = sentence(Cause(measured["cause"]), result)
-            measured["reason"] = "; ".join(filter(None, (result.reason, seen, result.notes)))
+            said = result.reason, result.cause_seen, result.notes
+            measured["reason"] = "; ".join(filter(None, said))
         return cls(**columns, outcome=result.outcome, **measured)
 
     @property

@@ -7,6 +7,8 @@ the stack's own local map. Where they show nothing, the cause is ``unknown``.
 from __future__ import annotations
 
 import math
+import sys
+import traceback
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -19,13 +21,15 @@ from navfw.localmap.local_planner import LocalPlanner
 from navfw.localmap.occupancy_grid import OccupancyGrid
 from navfw.missions.outcome import Cause, Outcome
 from navfw.missions.run_metrics import path_length
-from navfw.missions.session import MissionResult
 from navfw.numerics import Array, Mask
 from navfw.recording.run_observers import Contact, RunLog
 from navfw.signals import Odometry, Pose, Sight, wrap_angle
 from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.shapes import Circle
 from navfw.sim.solids import Solid
+
+MissionResult = Any
+"""``navfw.missions.session.MissionResult``, which is made of this module's answers."""
 
 _REVERSING = 0.05
 """Backward speed [m/s] above which a robot counts as reversing at a collision."""
@@ -77,6 +81,21 @@ class FailureSymptoms:
     recent_driven: float = 0.0
     recent_turned: float = 0.0
     vetoed: float = 0.0
+
+
+def failure_of(result: MissionResult) -> tuple[str, str]:
+    """The cause of a failed run (``Cause``), and what a person sees of it.
+
+    Both are empty for a run that succeeded or was cancelled; the second where the reason says it.
+    """
+    if result.outcome.succeeded or result.outcome is Outcome.CANCELLED:
+        return "", ""
+    try:
+        cause = classify(collect_symptoms(result))
+        return ("", "") if cause is None else (str(cause), sentence(cause, result))
+    except Exception:  # a failed classification does not invalidate the result
+        traceback.print_exc(file=sys.stderr)
+        return str(Cause.UNKNOWN), ""
 
 
 def classify(symptoms: FailureSymptoms) -> Cause | None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from navfw.missions import MissionResult, prepare
+from navfw.missions.failure_causes import FailureSymptoms, classify, collect_symptoms, sentence
 from navfw.missions.outcome import Cause, MissionVerdict, Outcome
 from navfw.missions.session import Session
 from navfw.mofis.mofis import DecisionInputs
@@ -18,7 +19,6 @@ from navfw.signals import Belief, Odometry, Pose, Sight, Twist
 from navfw.sim import SceneGeometry, Simulation, WorldSpec
 from navfw.sim.world_changes import ChangeTrack, WalkerTrack
 from navfw.sim.worldspec import BoxSpec, CylinderSpec
-from navfw.suite.failure_causes import FailureSymptoms, classify, collect_symptoms, sentence
 
 CLAMP_MAX = 3.0
 
