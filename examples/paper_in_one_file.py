@@ -87,8 +87,7 @@ X, Y = np.meshgrid((LEFT + RIGHT - WIDTH) / 2, (TOP + BOTTOM - HEIGHT) / 2)  # c
 def match(past, now, r, c):
     """Find the window (r, c) of the present image in the past one, by 2-D correlation (sec 3).
 
-    Returns u, v [px], and 1 if reliable, else 0. A quadratic surface through the correlation's peak
-    and its eight neighbours gives fractions of a pixel.
+    Returns u, v [px], and 1 if reliable, else 0; a quadratic surface gives fractions of a pixel.
     """
     window = now[TOP[r] : BOTTOM[r], LEFT[c] : RIGHT[c]].astype(float)
     reach = past[TOP[r] : BOTTOM[r] + 2 * SEARCH, LEFT[c] : RIGHT[c] + 2 * SEARCH]
@@ -100,15 +99,16 @@ def match(past, now, r, c):
     score = covariance * (1.0 / np.sqrt(max(energy, 1.0))) * (1.0 / np.sqrt(energies))
     score = np.pad(np.nan_to_num(score, nan=-2.0).astype(np.float32), 2, constant_values=-2.0)
     v, u = np.divmod(score[1:-1, 1:-1].argmax(), 2 * SEARCH + 3)
-    s = score[v : v + 3, u : u + 3].astype(float)
+    s = score[v : v + 3, u : u + 3].copy()  # sums of these are of single precision
     score[v : v + 3, u : u + 3] = -2.0
-    gx, gy = (s[:, 2] - s[:, 0]).sum() / 6, (s[2] - s[0]).sum() / 6
-    xx, yy = (s @ (1, -2, 1)).sum() / 3, ((1, -2, 1) @ s).sum() / 3
-    xy = (s[0, 0] - s[0, 2] - s[2, 0] + s[2, 2]) / 4
+    gx, gy = float(sum((*s[:, 2], *-s[:, 0]))) / 6, float(sum((*s[2], *-s[0]))) / 6
+    xx = (float(sum((*s[:, 0], *s[:, 2]))) - 2 * float(sum(s[:, 1]))) / 3
+    yy = (float(sum((*s[0], *s[2]))) - 2 * float(sum(s[1]))) / 3
+    xy, height = float(sum((s[0, 0], s[2, 2], -s[0, 2], -s[2, 0]))) / 4, float(s[1, 1])
     peaked = s.min() > -2.0 and xx + yy + np.hypot(xx - yy, 2 * xy) < 0.0
-    unique = 1.0 - float(score.max()) > max(1.0 - s[1, 1], 1e-3)
+    unique = 1.0 - float(score.max()) > max(1.0 - height, 1e-3)
     textured = np.sqrt(energy) / n > 2.0  # standard deviation [grey levels]
-    if not (peaked and unique and textured and s[1, 1] > 0.7):
+    if not (peaked and unique and textured and height > 0.7):
         return 0.0, 0.0, 0.0
     u += np.clip((xy * gy - yy * gx) / (xx * yy - xy**2), -0.5, 0.5) - SEARCH - 1
     v += np.clip((xy * gx - xx * gy) / (xx * yy - xy**2), -0.5, 0.5) - SEARCH - 1

@@ -263,8 +263,7 @@ def find_peaks(scores: Floats) -> tuple[Indices, Array, Array, Array, Array, Mas
             if not complete:
                 continue
             inner[r, c] = True
-            near = s[py - 1 : py + 2, px - 1 : px + 2].astype(np.float64)
-            ox, oy, flattest = _quadratic_peak(near)
+            ox, oy, flattest = _quadratic_peak(s[py - 1 : py + 2, px - 1 : px + 2])
             fine[r, c, 0] += ox
             fine[r, c, 1] += oy
             curvature[r, c] = flattest
@@ -306,7 +305,7 @@ def _maximum(values: Floats) -> np.float32:
 
 
 @numba.njit(cache=True)
-def _quadratic_peak(s: Array) -> tuple[float, float, float]:
+def _quadratic_peak(s: Floats) -> tuple[float, float, float]:
     """Offset (x, y) of the maximum of the least-squares quadratic of 3 x 3 scores, and curvature.
 
     The offset is limited to half a pixel. The curvature is the smaller eigenvalue of the negated
