@@ -6,6 +6,7 @@ the stack's own local map. Where they show nothing, the cause is ``unknown``.
 
 from __future__ import annotations
 
+import copy
 import math
 import sys
 import traceback
@@ -202,7 +203,7 @@ REACH = 0.12
 
 
 def collect_symptoms(result: MissionResult) -> FailureSymptoms:
-    """The symptoms of ``result``. Clears wrong cells of the stack's local map as a side effect."""
+    """The symptoms of ``result``."""
     session, log = result.session, result.log
     spec = session.mission.spec
     stack = session.stack
@@ -282,7 +283,7 @@ def _mapped(local_map: LocalMap, odometry: Odometry | None, now: Pose, point: Ar
     """State of the local map about a true ``point`` (map frame), outside the robot's own body."""
     if odometry is None:
         return ""
-    occupancy, pose = local_map.occupancy, odometry.pose
+    occupancy, pose = copy.deepcopy(local_map.occupancy), odometry.pose
     x, y = pose.to_parent(*now.to_local(*point))
     columns, rows = _cells(occupancy)
     away = np.hypot(columns - x, rows - y)
@@ -311,7 +312,7 @@ def _path_costs(result: MissionResult, odometry: Odometry, now: Pose) -> tuple[f
     local_map, context = stack.local_map, stack.mofis.context
     if context is None or context.waypoint is None or context.local_goal is None:
         return None
-    occupancy, pose = local_map.occupancy, odometry.pose
+    occupancy, pose = copy.deepcopy(local_map.occupancy), odometry.pose
     x, y = pose.to_parent(*context.waypoint_local)
     off = _distance_from_truth(result, occupancy, pose, now)
     costs = []
