@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -114,18 +115,38 @@ def _replay_run(folder: Path, video: Path | None, *, json: bool) -> None:
 
 def explain(
     folder: Recorded,
-    at: Annotated[float, typer.Option("--at", help="Time since the start of the run [s].")],
+    at: Annotated[
+        float | None,
+        typer.Option(
+            "--at", help="Time since the start of the run [s]; without, the story of the drive."
+        ),
+    ] = None,
+    begin: Annotated[
+        float, typer.Option("--from", help="Of the story: tell in detail from this time on [s].")
+    ] = 0.0,
+    end: Annotated[
+        float, typer.Option("--to", help="Of the story: up to this time [s].")
+    ] = math.inf,
     inference: Annotated[
         bool,
         typer.Option(
-            "--inference", help="With --json: how OFFIS came to its sentence; repeats the run."
+            "--inference",
+            help="With --at and --json: how OFFIS came to its sentence; repeats the run.",
         ),
     ] = False,
     json: Json = False,
 ) -> None:
-    """Explain the command at one moment. Lists the behaviours, and the rules that fired."""
+    """Tell the story of a drive, or explain its command at one moment, rule by rule."""
+    of_story = {"--from": begin > 0.0, "--to": end < math.inf}
+    for option, given in (of_story if at is not None else {"--inference": inference}).items():
+        if given:
+            other = "cannot be given with --at" if at is not None else "needs --at and --json"
+            raise typer.BadParameter(other, param_hint=option)
+    if at is None:
+        _tell(folder, begin, end, json=json)
+        return
     if inference and not json:
-        raise typer.BadParameter("is printed with --json alone", param_hint="--inference")
+        raise typer.BadParameter("needs --at and --json", param_hint="--inference")
     with quiet_stdout():
         from navfw.recording.explanations import explain_at
 
@@ -138,6 +159,17 @@ def explain(
         from navfw.mofis.explanation_text import explanation_lines
 
         echo("\n".join([*explanation_lines(explanation), *_not_heard(explanation)]))
+
+
+def _tell(folder: Path, begin: float, end: float, *, json: bool) -> None:
+    """Print the story of a run."""
+    with quiet_stdout():
+        from navfw.report.run_story import story_of
+
+        how, lines = story_of(folder, begin, end)
+    told = [f"{line.time:7.1f} s  {line.text}" for line in lines]
+    data = {"ended": how, "story": [asdict(line) for line in lines]}
+    print_result(data, [how, *told], json=json)
 
 
 def _not_heard(explanation: Mapping[str, Any]) -> Iterator[str]:

@@ -204,6 +204,7 @@ def _command(state: StackState, command: Command) -> Mapping[str, Any]:
         "reason": command.reason,
         "emergency": command.emergency,
         "held": state.veto or (state.fault.reason if state.fault else ""),
+        "slower": state.slower,
         "weights": command.weights,
         "reasons": {name: proposal.reason for name, proposal in proposals.items()},
         "applicability": {name: proposal.applicability for name, proposal in proposals.items()},

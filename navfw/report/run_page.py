@@ -28,6 +28,7 @@ from navfw.recording.run_folder import MAP, PICTURE, RECORDING, plain_json, read
 from navfw.report import run_timeline
 from navfw.report.report_page import reduced_source, render_page
 from navfw.report.run_moments import read_moments
+from navfw.report.run_story import read_story
 from navfw.topomap import TopoMap, load_map
 
 
@@ -164,7 +165,9 @@ def _recorded(
 ) -> dict[str, Any]:
     radius, goals = run_timeline.robot_and_goals(result)
     timeline = run_timeline.read_timeline(run, radius)
-    events = run_timeline.run_events(timeline, result) if len(timeline.time) else []
+    named = {name: (x, y) for name, x, y in places}
+    story = read_story(run, result, named, lines=run_timeline.MAX_EVENTS)
+    events = run_timeline.run_events(timeline, result, story) if len(timeline.time) else []
     moments = read_moments(run, events)
     if not moments and isinstance(result.get("notes"), list):
         return {}  # of a bag without images

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from navfw.recording import channel_list as topics
 from navfw.recording.recorded_run import RecordedRun, located_damage
 from navfw.recording.run_folder import RESULT
 from navfw.recording.top_view import WorldOutline
+from navfw.report.run_story import EPISODES, StoryLine
 from navfw.signals import Pose
 
 _MAX_ROWS = 4000
@@ -105,9 +106,9 @@ def robot_and_goals(result: Mapping[str, Any]) -> tuple[float, list[tuple[float,
         return float(mission["robot"]["radius"]), goals
 
 
-_MAX_EVENTS = 80
-"""Largest number of events of a report; of more changes of the leader some are left out."""
-_KINDS = ("contact", "clearance", "held", "event", "leader")
+MAX_EVENTS = 80
+"""Largest number of events of a report."""
+_KINDS = ("contact", "clearance", "event", *EPISODES)
 """Kinds of events; a report opens on one of the first kind that there is."""
 
 
@@ -126,8 +127,10 @@ class RunEvent:
         return _KINDS.index(self.kind), self.time
 
 
-def run_events(timeline: RunTimeline, result: Mapping[str, Any]) -> list[RunEvent]:
-    """Contacts, least clearance, vetoes, the mission's events and changes of the leader, by time.
+def run_events(
+    timeline: RunTimeline, result: Mapping[str, Any], story: Sequence[StoryLine] = ()
+) -> list[RunEvent]:
+    """Contacts, least clearance, the mission's events, and the episodes of the ``story``, by time.
 
     Raises:
         ConfigError: contacts or events of the ``result`` are damaged.
@@ -145,22 +148,11 @@ def run_events(timeline: RunTimeline, result: Mapping[str, Any]) -> list[RunEven
         least = int(np.nanargmin(timeline.clearance))
         text = f"least clearance, {timeline.clearance[least]:.2f} m"
         events.append(RunEvent(float(timeline.time[least]), "clearance", text))
-    for time, reason in _changes(timeline.time, timeline.held):
-        if reason:
-            events.append(RunEvent(time, "held", f"held: {reason}"))
-    changes = list(_changes(timeline.time, timeline.leaders))
-    left = max(1, _MAX_EVENTS - len(events))
-    for time, leader in changes[:: math.ceil(len(changes) / left)] if changes else ():
-        events.append(RunEvent(time, "leader", f"{leader or 'no behaviour'} leads"))
-    events = sorted(events, key=lambda event: event.rank)[:_MAX_EVENTS]
+    for line in story:
+        if line.kind in EPISODES:
+            events.append(RunEvent(line.time, line.kind, line.text))
+    events = sorted(events, key=lambda event: event.rank)[:MAX_EVENTS]
     return sorted(events, key=lambda event: event.time)
-
-
-def _changes(times: Array, words: Sequence[str]) -> Iterator[tuple[float, str]]:
-    """When the word becomes another one, and which."""
-    for row in range(1, len(words)):
-        if words[row] != words[row - 1]:
-            yield float(times[row]), words[row]
 
 
 def _outline(scene: Any) -> WorldOutline:

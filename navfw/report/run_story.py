@@ -1,0 +1,348 @@
+"""The story of a recorded run: what the robot wanted, and where it did anything else than drive on.
+
+Decisions in a row that show the same become one episode: held, standing, backing away, turning on
+the spot, turning aside, giving way, slow, lost. Each is told by its time and place, the behaviour,
+its strongest rule, and how far that rule was fulfilled.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from navfw.config.input_file import is_file
+from navfw.errors import InputError
+from navfw.features.landmark_appearance import check_landmark_kind
+from navfw.recording import channel_list as topics
+from navfw.recording.recorded_run import RecordedRun, located_damage, open_run
+from navfw.recording.run_folder import MAP, RESULT, read_result
+from navfw.topomap import load_map
+
+LINES = 30
+"""Largest number of lines of a story."""
+
+_STANDING, _TURNING = 0.02, 0.1
+"""Speed [m/s] and rate [rad/s] up to which a robot stands, or does not turn."""
+
+_SLOW = 0.6
+"""Share of the top speed below which a robot is slow."""
+
+_LEAST = {
+    "held": 0.3, "lost": 0.2, "gave way": 0.5, "backed": 0.4, "stood": 1.0,
+    "turned": 0.8, "aside": 0.5, "slow": 1.0,
+}  # fmt: skip
+"""Least duration [s] of an episode that is told, by its kind; those told first stand first."""
+
+EPISODES = tuple(_LEAST)
+"""The kinds of episodes, what matters most first."""
+
+_CLOSER = 0.3
+"""Share of these durations from which episodes are told of a part of the run."""
+
+_PAUSE = 0.6
+"""Time [s] between two episodes of a kind up to which they are one."""
+
+_AT, _NEAR = 0.6, 2.5
+"""Distance [m] from a place up to which the robot is at it, and near it."""
+
+_GOALS = 5
+"""Largest number of goals that are named."""
+
+_GIVES_WAY, _ASIDE = ("give_way",), ("avoid",)
+"""Behaviours that lead while the robot gives way, and while it turns aside."""
+
+
+@dataclass(frozen=True, slots=True)
+class StoryLine:
+    """What happened from ``time`` to ``until`` [s], of one ``kind``, in a sentence."""
+
+    time: float
+    until: float
+    kind: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Decision:
+    """A decision: time [s], believed position [m], what was commanded, by whom and why."""
+
+    time: float
+    x: float
+    y: float
+    said: Mapping[str, Any]  # of ``topics.COMMAND``
+    rules: Mapping[str, Any]  # of ``topics.RULES``
+    speed: float  # to the wheels [m/s]
+
+    @property
+    def kind(self) -> str:
+        """What this decision alone would be told as; empty if the robot drives on."""
+        v, w, leader = self.said["v"], self.said["w"], self.said["leader"]
+        if self.said.get("lost"):
+            return "lost"
+        if self.said.get("held"):
+            return "held"
+        if leader in _GIVES_WAY:
+            return "gave way"
+        if v < -_STANDING:
+            return "backed"
+        if abs(v) <= _STANDING:
+            return "stood" if abs(w) <= _TURNING else "turned"
+        return "aside" if leader in _ASIDE and abs(w) > _TURNING else ""
+
+
+def read_story(
+    run: RecordedRun,
+    result: Mapping[str, Any],
+    places: Mapping[str, tuple[float, float]],
+    begin: float = 0.0,
+    end: float = math.inf,
+    lines: int = LINES,
+) -> list[StoryLine]:
+    """Tell ``run`` in at most ``lines`` sentences, in the order of time.
+
+    ``result`` is that of the run, ``places`` are x, y [m, map] by name. From ``begin`` to ``end``
+    [s] shorter episodes are told as well, if that is a part of the run.
+
+    Raises:
+        ConfigError: the recording or the result is damaged.
+
+    """
+    with located_damage(run.path, "a message"):
+        decisions = [d for d in _decisions(run) if begin <= d.time <= end]
+    with located_damage(Path(RESULT), "what the run was asked to do,"):
+        told = [*_frame(result, decisions, places), *_of_result(result)]
+        top = float(result["config"]["mission"]["robot"]["max_v"])
+    whole = begin <= 0.0 and math.isinf(end)
+    shorter = 1.0 if whole else _CLOSER
+    episodes = list(_episodes(decisions, top, shorter, places)) if decisions else []
+    told = [line for line in told if begin <= line.time <= end]
+    episodes.sort(key=lambda one: (EPISODES.index(one.kind) > 4, one.time - one.until))
+    told += episodes[: max(0, lines - len(told))]
+    passed = list(_passed(decisions, places))
+    told += passed[:: math.ceil(len(passed) / max(1, lines - len(told)))] if passed else []
+    return sorted(told[:lines], key=lambda line: (line.time, line.kind == "end"))
+
+
+def story_of(
+    folder: Path, begin: float = 0.0, end: float = math.inf
+) -> tuple[str, list[StoryLine]]:
+    """Return ``headline`` and ``read_story`` of the run in ``folder``.
+
+    Raises:
+        InputError: there is no recording or it is damaged; nothing of it is from ``begin`` to
+            ``end`` [s].
+
+    """
+    run, result = open_run(folder), read_result(folder)
+    last = float(result.get("sim_time_s", math.inf))
+    if not 0.0 <= begin < min(end, last + 1e-9):
+        raise InputError(
+            f"expected a part of the run's {last:.1f} s, with --from before --to; got {begin:g} to"
+            f" {end:g} s",
+            file=folder,
+            key="--from",
+        )
+    places = {}
+    if is_file(folder / MAP):
+        topo_map = load_map(folder / MAP, check_landmark_kind)
+        places = {name: (place.x, place.y) for name, place in topo_map.places.items()}
+    return headline(result), read_story(run, result, places, begin, end)
+
+
+def headline(result: Mapping[str, Any]) -> str:
+    """How the run ended, and why if it failed, in a sentence."""
+    outcome, reason = result["outcome"], result.get("reason", "")
+    after = f" after {result['sim_time_s']:.1f} s" if "sim_time_s" in result else ""
+    if outcome == "reached" or not result.get("cause"):
+        return f"{outcome}{after}: {reason}"
+    seen = result.get("cause_seen") or str(result["cause"]).replace("_", " ")
+    return f"{outcome}{after} because {seen}: {reason}"
+
+
+# --- reading -------------------------------------------------------------------------------------
+
+
+def _decisions(run: RecordedRun) -> Iterator[_Decision]:
+    """The recorded decisions. The rules of one stand beside it, or are those before it."""
+    x = y = math.nan
+    rules: Mapping[str, Any] = {}
+    speed = 0.0
+    waiting: _Decision | None = None
+    for message in run.messages(topics.POSE, topics.COMMAND, topics.RULES, topics.TWIST):
+        content = message.content
+        if message.topic == topics.TWIST:
+            speed = float(content.twist.linear.x)
+        elif message.topic == topics.POSE:
+            x, y = content.pose.position.x, content.pose.position.y
+        elif message.topic == topics.RULES:
+            rules = content
+            if waiting is not None:
+                yield _Decision(*(waiting.time, x, y), waiting.said, rules, speed)
+                waiting = None
+        else:
+            if waiting is not None:
+                yield waiting
+            waiting = _Decision(message.time, x, y, content, rules, speed)
+    if waiting is not None:
+        yield waiting
+
+
+# --- episodes ------------------------------------------------------------------------------------
+
+
+def _episodes(
+    decisions: Sequence[_Decision],
+    top: float,
+    shorter: float,
+    places: Mapping[str, tuple[float, float]],
+) -> Iterator[StoryLine]:
+    """The episodes of all kinds; slow ones where no other is."""
+    kinds = [one.kind for one in decisions]
+    slow = [
+        "slow" if not kind and one.said["v"] < _SLOW * top and one.speed < _SLOW * top else kind
+        for kind, one in zip(kinds, decisions, strict=True)
+    ]
+    for wanted, least in _LEAST.items():
+        for first, last in _runs(decisions, [kind == wanted for kind in slow]):
+            part = decisions[first : last + 1]
+            took = part[-1].time - part[0].time + 0.1
+            if took >= least * shorter:
+                place = _where(part[0], places)
+                text = f"{place}: {_sentence(wanted, part, took)}"
+                yield StoryLine(part[0].time, part[-1].time, wanted, text)
+
+
+def _runs(decisions: Sequence[_Decision], flags: Sequence[bool]) -> Iterator[tuple[int, int]]:
+    """First and last index of each run of true ``flags``, over short pauses."""
+    first = last = -1
+    for index, flag in enumerate(flags):
+        if not flag:
+            continue
+        if first >= 0 and decisions[index].time - decisions[last].time > _PAUSE:
+            yield first, last
+            first = -1
+        first = index if first < 0 else first
+        last = index
+    if first >= 0:
+        yield first, last
+
+
+def _sentence(kind: str, part: Sequence[_Decision], took: float) -> str:
+    """What the robot did in an episode, and why."""
+    turn = math.degrees(0.1 * sum(one.said["w"] for one in part))
+    side = "left" if turn > 0.0 else "right"
+    if kind == "lost":
+        return f"it did not know where it was for {took:.1f} s"
+    if kind == "held":
+        return f"held for {took:.1f} s: {_most(one.said['held'] for one in part)}"
+    if kind == "slow":
+        least = min(one.said["v"] for one in part)
+        return f"slowed to {least:.2f} m/s for {took:.1f} s; {_reason(part, slower=True)}"
+    what = {
+        "gave way": f"gave way for {took:.1f} s",
+        "backed": f"backed away for {took:.1f} s",
+        "stood": f"stood for {took:.1f} s",
+        "turned": f"turned {side} on the spot by {abs(turn):.0f} degrees",
+        "aside": f"turned aside to the {side} by {abs(turn):.0f} degrees",
+    }
+    return f"{what[kind]}; {_reason(part)}"
+
+
+def _reason(part: Sequence[_Decision], *, slower: bool = False) -> str:
+    """The behaviour that led, its strongest rule, and the strength of that.
+
+    ``slower`` asks for what kept the robot below its top speed instead, where that is recorded.
+    """
+    said = _most(one.said.get("slower", "") for one in part) if slower else ""
+    name, _, rule = said.partition(": ")
+    name = name or _most(one.said["leader"] for one in part)
+    best = 0.0
+    for one in part:
+        for fired in one.rules.get("behaviors", {}).get(name, {}).get("rules", ()):
+            if fired["strength"] > best and (not said or fired["rule"] == rule):
+                best, rule = float(fired["strength"]), str(fired["rule"])
+    reason = _most(one.said["reason"] for one in part if one.said["leader"] == name)
+    if not rule:
+        return f"{name}: {reason}" if reason else name
+    return f"{name}: {rule}" + (f" ({best:.2f})" if best else "")
+
+
+def _most(words: Any) -> str:
+    """The most frequent word."""
+    counted = Counter(word for word in words if word)
+    return str(counted.most_common(1)[0][0]) if counted else ""
+
+
+def _passed(
+    decisions: Sequence[_Decision], places: Mapping[str, tuple[float, float]]
+) -> Iterator[StoryLine]:
+    """The places at which the robot was on its way."""
+    before = ""
+    for one in decisions[:-1]:
+        name, away = _nearest(one, places)
+        if name != before and away <= _AT:
+            if before:
+                yield StoryLine(one.time, one.time, "passed", f"passed {name}")
+            before = name
+
+
+def _nearest(one: _Decision, places: Mapping[str, tuple[float, float]]) -> tuple[str, float]:
+    """The place nearest to the robot, and its distance [m]; infinite without any."""
+    if not places or math.isnan(one.x):
+        return "", math.inf
+    away, name = min((math.dist((one.x, one.y), at), name) for name, at in places.items())
+    return name, away
+
+
+def _where(one: _Decision, places: Mapping[str, tuple[float, float]]) -> str:
+    """Where the robot believed to be: at or near a place, or at x, y."""
+    name, away = _nearest(one, places)
+    here = "somewhere" if math.isnan(one.x) else f"({one.x:.1f}, {one.y:.1f})"
+    if away > _NEAR:
+        return here
+    return f"{'at' if away <= _AT else 'near'} {name} {here}"
+
+
+# --- what the result says ------------------------------------------------------------------------
+
+
+def _frame(
+    result: Mapping[str, Any],
+    decisions: Sequence[_Decision],
+    places: Mapping[str, tuple[float, float]],
+) -> Iterator[StoryLine]:
+    """What was wanted, and how it ended."""
+    mission = result["config"]["mission"]
+    goals = [str(goal["place"] or f"({goal['x']:g}, {goal['y']:g})") for goal in mission["goals"]]
+    more = [f"{len(goals) - _GOALS} more"] if len(goals) > _GOALS else []
+    wanted = " then ".join([*goals[:_GOALS], *more]) if goals else "to observe all reachable floor"
+    start = _where(decisions[0], places) if decisions else "nowhere"
+    known = "" if mission.get("start_known", True) else ", a start that it did not know"
+    yield StoryLine(0.0, 0.0, "start", f"{start}{known}: wanted {wanted}")
+    end = float(result.get("sim_time_s", decisions[-1].time if decisions else 0.0))
+    place = f"{_where(decisions[-1], places)}: " if decisions else ""
+    why = f", {result['reason']}" if result.get("reason") else ""
+    yield StoryLine(end, end, "end", f"{place}{result.get('outcome', 'the end')}{why}")
+
+
+def _of_result(result: Mapping[str, Any]) -> Iterator[StoryLine]:
+    """Contacts, the mission's events, and changes of the building."""
+    for contact in result.get("contacts", ()):
+        at = f"({contact['x']:.1f}, {contact['y']:.1f})"
+        yield StoryLine(
+            contact["time"], contact["time"], "contact", f"{at}: touched {contact['body']}"
+        )
+    for event in result.get("events", ()):
+        what = " ".join(f"{key} {value}" for key, value in event["event"].items())
+        ended = event.get("ended_s") or event["began_s"]
+        yield StoryLine(event["began_s"], ended, "event", f"the mission's event: {what}")
+    for change in result.get("map_changes", ()):
+        if change.get("time") is not None:
+            at = f"({change['x']:.1f}, {change['y']:.1f})"
+            text = f"{at}: found {change['what']} {change['kind']} {change['detail']}".rstrip()
+            sure = f", {change['certainty']:.0%} certain"
+            yield StoryLine(change["time"], change["time"], "changed", text + sure)
