@@ -122,10 +122,14 @@ def explain(
         ),
     ] = None,
     begin: Annotated[
-        float, typer.Option("--from", help="Of the story: tell in detail from this time on [s].")
+        float,
+        typer.Option(
+            "--from", show_default=False, help="Of the story: tell in detail from this time on [s]."
+        ),
     ] = 0.0,
     end: Annotated[
-        float, typer.Option("--to", help="Of the story: up to this time [s].")
+        float,
+        typer.Option("--to", show_default=False, help="Of the story: up to this time [s]."),
     ] = math.inf,
     inference: Annotated[
         bool,

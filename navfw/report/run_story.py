@@ -141,8 +141,8 @@ def story_of(
     last = float(result.get("sim_time_s", math.inf))
     if not 0.0 <= begin < min(end, last + 1e-9):
         raise InputError(
-            f"expected a part of the run's {last:.1f} s, with --from before --to; got {begin:g} to"
-            f" {end:g} s",
+            f"expected a part of the run's {last:.1f} s, with --from before --to; got {begin:g} s"
+            + ("" if math.isinf(end) else f" to {end:g} s"),
             file=folder,
             key="--from",
         )
