@@ -20,9 +20,15 @@ from navfw.process.atomic import write_text
 from navfw.recording.run_folder import RESULT, is_bag
 
 if TYPE_CHECKING:
-    from navfw.recording.teaching import TaughtMap, TeachingDrive
+    from navfw.recording.teaching import Taught, TeachingDrive
 
 _NAME = re.compile(r"(?P<time>[0-9]+(\.[0-9]+)?)=(?P<place>[A-Za-z0-9][A-Za-z0-9_.-]*)")
+
+
+_APART = (
+    "what they show does not certainly overlap. If it is one building, record a drive through"
+    " places of both, and teach it with them"
+)
 
 
 def teach(
@@ -60,7 +66,7 @@ def teach(
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Make a map of recorded drives. Several recordings must overlap to become one map."""
+    """Make a map of recorded drives; NAME-2 and so on of those that do not certainly overlap."""
     from navfw.recording.teaching import teach as taught
     from navfw.topomap.map_formats import save_map
 
@@ -69,47 +75,55 @@ def teach(
         named = [_named(text) for text in name or ()]
         drives = _drives(recordings, robot, topic, notes)
         with ProgressBar("map teach", quiet=quiet) as bar:
-            made = taught(drives, file.stem, named, bar.show_part)
-        save_map(made.topo_map, file)
+            is_taken = partial(_is_taken, file, force)
+            made = taught(drives, file.stem, named, bar.show_part, is_taken)
+        files = [file.with_stem(one.topo_map.name) for one in made.maps]
+        for one, target in zip(made.maps, files, strict=True):
+            save_map(one.topo_map, target)
         if situations is not None:
-            if made.situations is None:
+            if made.maps[0].situations is None:
                 raise InputError("OFFIS saw no situation", key="--situations")
             origin = f"navfw map teach --out {out}: {len(recordings)} recordings"
-            write_text(situations, made.situations.text(origin), parents=True)
-    data, lines = _summary(made, file, notes)
+            write_text(situations, made.maps[0].situations.text(origin), parents=True)
+    data, lines = _summary(made, files, notes)
     print_result(data, lines, json=json)
 
 
-def _summary(made: TaughtMap, file: Path, notes: list[str]) -> tuple[dict[str, Any], list[str]]:
+def _summary(made: Taught, files: list[Path], notes: list[str]) -> tuple[dict[str, Any], list[str]]:
     """What was made, as data, and as lines for people."""
-    places, edges = len(made.topo_map.places), len(made.topo_map.passages)
-    marks = len(made.topo_map.landmarks)
+    maps, lines = list[dict[str, Any]](), list[str]()
+    for one, file in zip(made.maps, files, strict=True):
+        places, edges = len(one.topo_map.places), len(one.topo_map.passages)
+        about = {"map": one.topo_map.name, "file": str(file), "places": places, "edges": edges}
+        marks = len(one.topo_map.landmarks)
+        maps.append(about | {"landmarks": marks, "loops": one.loops, "undecided": one.undecided})
+        lines.append(f"{file}: {places} places, {edges} edges, {marks} landmarks")
+        lines += [f"{one.loops} loops closed"] if one.loops else []
+        if one.undecided:
+            lines.append(f"{one.undecided} loops remained undecided, and are not closed")
+    if len(maps) > 1:
+        names = " and ".join(one["map"] for one in maps)
+        lines.append(f"{len(maps)} maps, {names}: {_APART}")
     parts = [
         {
             "recording": str(part.file),
             "begin_s": round(part.begin, 2),
             "end_s": round(part.end, 2),
             "path_m": round(part.path, 2),
-            "used": part.used,
+            "map": part.in_map,
             "ended_by": part.why,
         }
         for part in made.parts
     ]
-    data = {"map": made.topo_map.name, "file": str(file), "places": places, "edges": edges}
-    data |= {"landmarks": marks, "loops": made.loops, "undecided": made.undecided}
-    data |= {"parts": parts, "notes": notes}
-    lines = [f"{file}: {places} places, {edges} edges, {marks} landmarks"]
-    lines += [f"{made.loops} loops closed"] if made.loops else []
+    notes = [*made.notes, *notes]
     lines += [f"note: {note}" for note in notes]
-    if made.undecided:
-        lines.append(f"{made.undecided} loops remained undecided, and are not closed")
     for part in made.parts:
-        if part.why:
-            lines.append(f"{part.file}: split at {part.end:.1f} s: {part.why}")
-        if not part.used:
-            span = f"{part.begin:.1f} to {part.end:.1f} s"
-            lines.append(f"{part.file}: {span} is not in the map: {part.path:.1f} m, no overlap")
-    return data, lines
+        span = f"{part.begin:.1f} to {part.end:.1f} s, {part.path:.1f} m"
+        split = f", split there: {part.why}" if part.why else ""
+        where = f"in {part.in_map}" if part.in_map else "in no map, as too short a drive"
+        if len(made.parts) > 1 or not part.in_map:
+            lines.append(f"{part.file}: {span}: {where}{split}")
+    return {**maps[0], "more_maps": maps[1:], "parts": parts, "notes": notes}, lines
 
 
 def name(
@@ -166,16 +180,22 @@ def _drives(
         if is_bag(path):
             bag = Bag(path, topic)
             lacking, contradiction = bag.lacking, camera_contradiction(bag)
-            notes += [f"{path}: {contradiction}"] if contradiction else []
         elif is_folder(path) and not is_file(path / RESULT):
-            bag, lacking = FolderDrive(path), []
+            bag = FolderDrive(path)
+            lacking, contradiction = bag.lacking, ""
         else:
             yield recorded_drive(path)
             continue
         model = load_robot(robot or "default")
-        readings = partial(tuple, BagReadings(bag, model))
+        notes += [f"{path}: {contradiction}"] if contradiction else []
+        readings = partial(tuple, BagReadings(bag, model, only_gyro=True))
         yield TeachingDrive(path, model, readings, lacking=lacking)
         notes += [f"{path}: {note}" for note in dict.fromkeys(bag.notes)]
+
+
+def _is_taken(first: Path, force: bool, name: str) -> bool:
+    """Whether there is a map ``name`` beside the ``first`` one that is not to be replaced."""
+    return first.with_stem(name).exists() and not force
 
 
 def _named(text: str) -> tuple[float, str]:

@@ -136,6 +136,11 @@ class GrowingMap:
                 self._graph.matches += relations
                 self._settle(len(self.keys))
 
+    def end(self) -> None:
+        """Add the last key pose; what the local map observes from now on is not of this map."""
+        self.finish()
+        self._local_map = None
+
     def _remember(self, percept: Percept, seen_from: Pose) -> None:
         """Keep the points of ``percept`` that are exact, if the last ones are far enough behind."""
         if self._path - self._scanned_at < _SCAN_EVERY:
@@ -220,17 +225,14 @@ class GrowingMap:
             RuntimeError: there was no ``update`` yet.
 
         """
-        if self._odometry is None or self._local_map is None or self._grid is None:
+        if self._odometry is None or self._grid is None:
             raise RuntimeError("the growing map has observed nothing yet; call update first")
         odom, time = self._odometry.pose, self._odometry.time
-        newest = self._cutter.observed(self._local_map, odom, time, self._moving)
         canvas = self._grid.copy()
-        canvas.merge(KeyPose(newest, self.pose))
+        if self._local_map is not None:
+            newest = self._cutter.observed(self._local_map, odom, time, self._moving)
+            canvas.merge(KeyPose(newest, self.pose))
         return GrownGrid(canvas.cells, canvas.origin, canvas.cell)
-
-    def key_at(self, time: float) -> KeyPose:
-        """Return the key pose nearest to ``time`` [s]; there must be one."""
-        return min(self.keys, key=lambda key: abs(key.submap.time - time))
 
     def last_seen(self, x: float, y: float) -> float | None:
         """Return the time [s] of the last submap around the point x, y [m, map]; None without."""

@@ -6,10 +6,16 @@ its key poses have to match those of the first one by one.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import count
+from typing import Self
+
 import numpy as np
 
 from navfw.localization.plan_field import PlanField
 from navfw.localization.plan_search import PlanSearch
+from navfw.mapping.evidence_grid import KeyPose
 from navfw.mapping.growing_map import GrowingMap
 from navfw.mapping.loop_closing import relation_of
 from navfw.mapping.map_making import cleaned_grid
@@ -30,8 +36,67 @@ _REACH = 4.0  # chosen
 _LOOSE: Array = np.diag([0.2**-2, 0.2**-2, 0.05**-2])  # chosen
 """Information of a pose that was found: odometry has drifted in both maps."""
 
+_SHORT, _OWN = 1.5, 3.0  # chosen
+"""Length [m] of the shortest drive that is joined, and of those that remain a map beside others."""
+
 _PARTS = 10_000  # chosen
 """Largest number of parts of one search; a search has at most some hundred."""
+
+
+@dataclass(eq=False, slots=True)
+class JoinedMap:
+    """The map ``growing`` of several ones that are ``path`` [m] long together.
+
+    ``spans`` are the ranges of the key poses of each, by its number.
+    """
+
+    growing: GrowingMap
+    path: float
+    spans: dict[int, tuple[int, int]]
+
+    @classmethod
+    def of(cls, number: int, growing: GrowingMap) -> Self:
+        """The map of that ``number`` by itself."""
+        path = growing.keys[-1].path if growing.keys else 0.0
+        return cls(growing, path, {number: (0, len(growing.keys))})
+
+    def keys(self, number: int) -> Sequence[KeyPose]:
+        """The key poses of the map of that ``number``, as they have been corrected."""
+        return self.growing.keys[slice(*self.spans[number])]
+
+
+def key_at(keys: Iterable[KeyPose], time: float) -> KeyPose:
+    """Return that of the ``keys`` nearest to ``time`` [s]; there must be one."""
+    return min(keys, key=lambda key: abs(key.submap.time - time))
+
+
+def free_names(name: str, is_taken: Callable[[str], bool]) -> Iterator[str]:
+    """The ``name``, then those of further maps: ``name``-2 and so on that are not taken."""
+    yield name
+    yield from (other for n in count(2) if not is_taken(other := f"{name}-{n}"))
+
+
+def join_all(growing_maps: Iterable[GrowingMap]) -> list[JoinedMap]:
+    """Join those of the maps that certainly overlap; the earlier one takes in the later one.
+
+    Maps of short drives are left out; none is returned if all are too short to be joined.
+    """
+    apart: list[JoinedMap] = []
+    for number, growing in enumerate(growing_maps):
+        newest, joined = JoinedMap.of(number, growing), False
+        if newest.path < _SHORT:
+            continue
+        for other in tuple(apart):
+            first, second = (newest, other) if joined else (other, newest)
+            keys = len(first.growing.keys)
+            if join(first.growing, second.growing):
+                first.spans |= {n: (a + keys, b + keys) for n, (a, b) in second.spans.items()}
+                first.path += second.path
+                newest, joined = first, True
+                apart = [one for one in apart if one is not second]
+        apart += [] if joined else [newest]
+    longest = max((one.path for one in apart), default=0.0)
+    return [one for one in apart if one.path >= min(_OWN, longest)]
 
 
 def join(first: GrowingMap, second: GrowingMap) -> bool:

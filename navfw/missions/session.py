@@ -40,7 +40,7 @@ from navfw.process import compile_kernels
 from navfw.process.interruption import INTERRUPTED
 from navfw.process.last_trace import name_plugins
 from navfw.recording.channel_list import SeenRun
-from navfw.recording.run_folder import plain_json
+from navfw.recording.run_folder import EXPLORED, plain_json
 from navfw.recording.run_observers import RunLog, RunRecorder
 from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.simulation import Simulation
@@ -324,18 +324,16 @@ class MissionResult(RunResult):
         return replace(result, cause=cause, cause_seen=cause_seen)
 
     def explored_map(self, name: str) -> TopoMap:
-        """The map ``name`` (of a file, or plain) of what an exploration observed.
+        """The map ``name`` (of a file, or plain) of an exploration; InputError if it saw nothing."""
+        made, plan = self._explored, self._explored.floor_plan
+        return TopoMap(Path(name).stem, made.places.values(), made.passages, floor_plan=plan)
 
-        Raises:
-            InputError: the mission was no exploration, or observed nothing.
-            MapError: no ground was free for the robot.
-
-        """
+    @cached_property
+    def _explored(self) -> TopoMap:
         growing = self.session.stack.growth.growing_map
         if self.exploration is None or not growing.keys:
             raise InputError("nothing was explored, so there is no map of it")
-        radius = self.session.mission.spec.robot.radius
-        return made_map(Path(name).stem, growing.grid, radius, growing.drops)
+        return made_map(EXPLORED, growing.grid, growing.robot.radius, growing.drops)
 
     def corrected_map(self, name: str) -> TopoMap:
         """The mission's map as ``name``, with ``map_changes``; MapError if nothing is left."""

@@ -22,8 +22,8 @@ from navfw.recording.bag_reader import BagImage
 
 _GYRO, _WHEELS, _TIMES = "gyro.csv", "wheels.csv", "times.csv"
 _NEEDED = {
-    _GYRO: f"a gyro: there is no {_GYRO} (time [s], yaw_rate [rad/s])",
-    _WHEELS: f"wheels: there is no {_WHEELS} (time [s], left, right: angles [rad])",
+    "gyro": f"a gyro: there is no {_GYRO} (time [s], yaw_rate [rad/s])",
+    "wheels": f"wheels: there is no {_WHEELS} (time [s], left, right: angles [rad])",
 }
 """What a folder lacks without each of the tables."""
 _SIDES = ("left", "right")
@@ -33,27 +33,38 @@ _ANGLES = TableFormat((TIME, *_SIDES), 3, TIME_NAMES | {side: side for side in _
 class FolderDrive:
     """What the sensors in ``path`` measured, as of a ``Bag``; for a single iteration.
 
+    ``lacking`` says which tables a map needs that are missing.
+
     Raises:
-        InputError: a table is missing or wrong, or there are no images.
+        InputError: a table is wrong, there are no images, or their times are not known.
 
     """
 
     def __init__(self, path: Path) -> None:
         self.path, self.file = path, shown_path(path)
-        missing = [what for name, what in _NEEDED.items() if not is_file(path / name)]
-        if missing:
-            raise ConfigError("a map needs " + "; and ".join(missing), file=self.file)
-        listed = load_image_times(path / _TIMES) if is_file(path / _TIMES) else None
+        has = {name: is_file(path / f"{name}.csv") for name in ("gyro", "wheels", "times")}
+        self.lacking = {name: what for name, what in _NEEDED.items() if not has[name]}
+        listed = load_image_times(path / _TIMES) if has["times"] else None
         self._images = open_source([path], listed=listed)
-        read = load_gyro_record(path / _GYRO)
-        record = read.on_clock_of(self._images)
-        angles = TimedTable(path / _WHEELS, _ANGLES).array(TIME, *_SIDES)
-        angles = angles[np.isfinite(angles).all(axis=1)]
-        self.joints = angles - [float(read.times[0] - record.times[0]), 0.0, 0.0]
-        self.gyro = np.column_stack([record.times, record.rates])
-        self.odometry = np.empty((0, 4))
+        if len(self.lacking) == len(_NEEDED) and not self._images.rate_known:
+            what = f"the times of the images are not known: write {_TIMES} (time [s], file)"
+            raise ConfigError(what, file=self.file)
+        angles = np.empty((0, 3))
+        if has["wheels"]:
+            angles = TimedTable(path / _WHEELS, _ANGLES).array(TIME, *_SIDES)
+            angles = angles[np.isfinite(angles).all(axis=1)]
+        self.gyro, self.odometry = np.empty((0, 4)), np.empty((0, 4))
+        self.notes, offset = list(self._images.notes), 0.0
+        if has["gyro"]:
+            read = load_gyro_record(path / _GYRO)
+            record = read.on_clock_of(self._images)
+            offset = float(read.times[0] - record.times[0])
+            self.gyro = np.column_stack([record.times, record.rates])
+            self.notes += record.notes
+        elif len(angles) and self._images.start is not None:
+            offset = self._images.start if angles[-1, 0] > self._images.start else 0.0
+        self.joints = angles - [offset, 0.0, 0.0]
         self.duration = max(self._images.duration, float(self.joints[-1:, 0].sum()))
-        self.notes = [*self._images.notes, *record.notes]
 
     def each_image(self) -> Generator[BagImage]:
         """The images in the order of their times."""

@@ -108,7 +108,7 @@ _ROLES: Mapping[str, tuple[tuple[str, ...], str, int, Callable[[Any], tuple[floa
 
 
 _SENSORS = {
-    "images": "a camera: there are no images (sensor_msgs Image or CompressedImage)",
+    "camera": "a camera: there are no images (sensor_msgs Image or CompressedImage)",
     "gyro": "a gyro: there is no topic of sensor_msgs/Imu",
     "wheels": "wheels: there is no topic of sensor_msgs/JointState or nav_msgs/Odometry",
 }
@@ -176,11 +176,11 @@ class Bag:
         self.notes += [] if len(self.images) else ["there are no images"]
 
     @property
-    def lacking(self) -> list[str]:
-        """The sensors that a map needs, and of which there are no messages."""
+    def lacking(self) -> dict[str, str]:
+        """The sensors that a map needs, and of which there are no messages: what is missing."""
         wheels = len(self.joints) or len(self.odometry)
-        counts = {"images": len(self.images), "gyro": len(self.gyro), "wheels": wheels}
-        return [_SENSORS[role] for role, count in counts.items() if not count]
+        counts = {"camera": len(self.images), "gyro": len(self.gyro), "wheels": wheels}
+        return {role: _SENSORS[role] for role, count in counts.items() if not count}
 
     @property
     def matrix(self) -> Array:

@@ -51,10 +51,15 @@ def _gyro(bag: recording.Bag | FolderDrive) -> Array:
 
 
 class BagReadings:
-    """The readings of ``robot`` in ``bag`` at its control rate, for a single iteration."""
+    """The readings of ``robot`` in ``bag`` at its control rate, for a single iteration.
 
-    def __init__(self, bag: recording.Bag | FolderDrive, robot: RobotModel) -> None:
-        self._bag, self._robot, self._gyro = bag, robot, _gyro(bag)
+    With ``only_gyro`` turns of a bag without a gyro are unknown, not those of the wheels.
+    """
+
+    def __init__(
+        self, bag: recording.Bag | FolderDrive, robot: RobotModel, only_gyro: bool = False
+    ) -> None:
+        self._bag, self._robot, self._gyro = bag, robot, bag.gyro if only_gyro else _gyro(bag)
         turned = 0.5 * robot.track * bag.odometry[:, 3]
         way = recording.driven_way(bag.odometry)
         rolled = np.column_stack([bag.odometry[:, 0], way - turned, way + turned])
@@ -64,7 +69,7 @@ class BagReadings:
         self._ticks = rolled * [1.0, per_way, per_way]
         self._begin = float(rolled[0, 0]) if len(rolled) else 0.0
         end = float(rolled[-1, 0]) if len(rolled) else 0.0
-        if bag.duration - end > _GAP:
+        if len(rolled) and bag.duration - end > _GAP:
             bag.notes.append(f"the wheels are silent for the last {bag.duration - end:.1f} s")
 
     def __len__(self) -> int:

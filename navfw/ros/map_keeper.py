@@ -6,20 +6,24 @@ import re
 import threading
 import time
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from navfw.errors import ConfigError, InputError, MapError
-from navfw.mapping import made_map, with_place
+from navfw.mapping import GrowingMap, made_map, with_place
+from navfw.mapping.evidence_grid import KeyPose
+from navfw.mapping.joining import JoinedMap, free_names, join_all, key_at
 from navfw.mapping.matching import plan_of
 from navfw.recording import ros_message
 from navfw.recording.ros_messages import pose_fields, time_fields
 from navfw.ros.connection import RosNode
 from navfw.ros.drive_outputs import grid_message
 from navfw.signals import GrownGrid, Odometry, Pose
-from navfw.stack import Stack
+from navfw.stack import MappingStack, Stack
 from navfw.topomap import TopoMap
 from navfw.topomap.map_formats import save_map
 from navfw.topomap.occupancy_map import Cells
@@ -45,13 +49,15 @@ _SIZE = 0.2
 _PLACES, _AHEAD, _OPEN, _GIVEN_UP = (0.1, 0.4, 0.9), (0.1, 0.8, 0.2), (0.9, 0.7, 0.1), (0.5,) * 3
 """Colours (r, g, b) of the graph, and of frontiers: the one pursued, others, those given up."""
 _Points = Iterable[tuple[float, float]]
+_Places = Mapping[str, Pose]
 
 
 class MapKeeper:
     """Publishes the map that ``stack`` grows on ``node``, and keeps it in ``file``, if any.
 
     After each key pose a thread makes the topological map, as soon as the last one is made: a node
-    that is killed leaves it. The robot is where the names of places on ``name_place`` come.
+    that is killed leaves it. The robot is where the names of places on ``name_place`` come. Each
+    part of a drive that was split has a file of its own until ``finish`` joins what overlaps.
 
     Raises:
         ConfigError: the map is not the one that ``stack`` drives on.
@@ -62,17 +68,26 @@ class MapKeeper:
         if not stack.resolved.settings.growing_map:
             what = "expected a stack with growing_map: true, such as explore, or base: explore"
             raise ConfigError(what, key="--stack")
-        self._node, self._stack, self._file = node, stack, file
-        self._growing = stack.growth.growing_map
-        self._named: dict[str, Odometry] = {}
+        self._node, self._stack = node, stack
+        self._files = [file]
+        self._named: dict[str, tuple[int, Odometry]] = {}
         self._told = -_PERIOD
         self._shown: Cells = np.empty((0, 0), np.int8)
-        self._maker, self._keys, self._due = threading.Thread(), 0, 0.0
+        self._maker, self._keys, self._due = threading.Thread(), (0, 0), 0.0
         self._made: TopoMap | None = None
         self._publish = {
             topic: node.publisher(topic, kind, "latched") for topic, kind in _TOPICS.items()
         }
         node.subscribe(NAME_PLACE, "std_msgs/msg/String", self._take_name, "reliable")
+
+    @property
+    def _growing(self) -> GrowingMap:
+        return self._stack.growth.growing_map
+
+    def _maps(self) -> Sequence[GrowingMap]:
+        """The maps of the parts of the drive so far."""
+        parts = self._stack.parts if isinstance(self._stack, MappingStack) else ()
+        return [part.growing for part in parts] or [self._growing]
 
     def _take_name(self, message: Any) -> None:
         name, odometry = str(message.data), self._stack.state.odometry
@@ -80,16 +95,20 @@ class MapKeeper:
             why = "nothing was seen yet" if odometry is None else "expected letters and digits"
             self._node.note(f"the name {name!r:.40} on {NAME_PLACE} is left out: {why}")
             return
-        self._named[name] = odometry
+        self._named[name] = len(self._maps()) - 1, odometry
         pose = self._growing.pose
         self._node.say(f"{name} is at ({pose.x:.2f}, {pose.y:.2f})")
 
     def tell(self, now: int) -> None:
         """Publish what has changed, and keep the map; after each frame, ``now`` [ns]."""
-        keys = self._growing.keys
-        if len(keys) != self._keys and time.monotonic() >= self._due:
-            self._due, self._keys = float("inf"), len(keys)
-            parts = self._growing.grid, self._growing.drops, self._places()
+        number = len(self._maps()) - 1
+        if number == len(self._files):
+            self._begin_file(number)
+        keys = number, len(self._growing.keys)
+        if keys[1] and keys != self._keys and time.monotonic() >= self._due:
+            self._due, self._keys = float("inf"), keys
+            places = self._places({number: self._growing.keys})
+            parts = self._files[number], self._growing.grid, self._growing.drops, places
             self._maker = threading.Thread(target=self._make, args=parts)
             self._maker.start()
         if self._growing.begun and not 0 <= now - self._told < _PERIOD:
@@ -109,18 +128,32 @@ class MapKeeper:
         if made is not None:
             send["navfw/graph"](graph_message(made, now))
 
-    def _places(self) -> Mapping[str, Pose]:
-        """Where the named places are, as the map has been corrected."""
+    def _begin_file(self, number: int) -> None:
+        """Choose the file of another part of the drive."""
+        first = self._files[0]
+        names = free_names("map" if first is None else first.stem, self._is_taken)
+        name = next(islice(names, number, None))
+        self._files.append(None if first is None else first.with_stem(name))
+        why = self._stack.parts[number - 1].why if isinstance(self._stack, MappingStack) else ""
+        self._node.say(f"the drive is split: {why}; from here on the map is {name}")
+
+    def _is_taken(self, name: str) -> bool:
+        file = None if self._files[0] is None else self._files[0].with_stem(name)
+        return file is not None and file not in self._files and file.exists()
+
+    def _places(self, parts: Mapping[int, Sequence[KeyPose]]) -> _Places:
+        """Where the named places are, as the map of these parts has been corrected."""
         return {
-            name: self._growing.key_at(odometry.time).correction.compose(odometry.pose)
-            for name, odometry in self._named.items()
+            name: key_at(parts[number], odometry.time).correction.compose(odometry.pose)
+            for name, (number, odometry) in self._named.items()
+            if number in parts
         }
 
-    def _make(self, grid: GrownGrid, drops: Any, places: Mapping[str, Pose]) -> None:
+    def _make(self, file: Path | None, grid: GrownGrid, drops: Any, places: _Places) -> None:
         """Make and save the map, beside what the robot does."""
         began = time.monotonic()
         try:
-            self._save(grid, drops, places)
+            self._save(file, grid, drops, places)
         except MapError:
             pass  # no ground is free yet
         except InputError as error:
@@ -128,35 +161,50 @@ class MapKeeper:
         now = time.monotonic()
         self._due = now + _REST * (now - began)
 
-    def _save(self, grid: GrownGrid, drops: Any, places: Mapping[str, Pose]) -> TopoMap:
-        radius, name = self._stack.robot.radius, "map" if self._file is None else self._file.stem
-        made = made_map(name, grid, radius, drops)
+    def _save(self, file: Path | None, grid: GrownGrid, drops: Any, places: _Places) -> TopoMap:
+        radius = self._stack.robot.radius
+        made = made_map("map" if file is None else file.stem, grid, radius, drops)
         for place, pose in places.items():
             try:
                 made = with_place(made, place, pose, radius)
             except InputError as error:
                 self._node.note(f"{place} is not on the map: {error}")
-        if self._file is not None:
-            save_map(made, self._file)
+        if file is not None:
+            save_map(made, file)
         self._made = made
         return made
 
     def finish(self) -> Mapping[str, Any]:
-        """Save the map as it is at the end, and publish it; what to report of it.
+        """Join what overlaps, save the maps as they are, publish the last; what to report of them.
 
         Raises:
-            InputError: nothing was observed, or the file cannot be written.
+            InputError: nothing was observed, or a file cannot be written.
 
         """
         if self._maker.ident is not None:
             self._maker.join()
         self._growing.finish()
-        if not self._growing.keys:
+        maps, said = self._maps(), list[dict[str, Any]]()
+        if not any(growing.keys for growing in maps):
             raise InputError("nothing was observed, so there is no map")
-        made = self._save(self._growing.grid, self._growing.drops, self._places())
+        for number in range(len(self._files), len(maps)):
+            self._begin_file(number)
+        all_joined = join_all(maps) or [JoinedMap.of(0, maps[0])]
+        for number in {*range(len(maps))}.difference(*(joined.spans for joined in all_joined)):
+            self._node.note(f"part {number + 1} of the drive is in no map: it is too short")
+        for joined in all_joined:
+            file = self._files[len(said)]
+            places = self._places({number: joined.keys(number) for number in joined.spans})
+            with suppress(*[MapError] if len(all_joined) > 1 else []):  # no ground is free
+                made = self._save(file, joined.growing.grid, joined.growing.drops, places)
+                where = None if file is None else str(file)
+                size = {"places": len(made.places), "edges": len(made.passages)}
+                said.append({"map": where, **size})
+        for file in filter(None, self._files[len(said) :]):  # of parts that were joined
+            for written in (file, *file.parent.glob(f"plans/{file.stem}.*")):
+                written.unlink(missing_ok=True)
         self._tell(self._node.now())
-        file = None if self._file is None else str(self._file)
-        return {"map": file, "places": len(made.places), "edges": len(made.passages)}
+        return {**said[0], "more_maps": said[1:]}
 
 
 def frontiers_message(choice: Mapping[str, Any], now: int) -> bytes:

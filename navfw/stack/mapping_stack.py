@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -12,7 +12,18 @@ from navfw.features.recognizers import Aruco
 from navfw.localization.place_probabilities import observed_situations
 from navfw.mapping import GrowingMap
 from navfw.robot import RobotModel
-from navfw.signals import Belief, Frame, LandmarkDetection, Percept, Pose, SensorReading, Twist
+from navfw.signals import (
+    Belief,
+    Frame,
+    LandmarkDetection,
+    Percept,
+    Pose,
+    SensorReading,
+    Twist,
+    Waypoint,
+)
+from navfw.stack.continuity import Continuity
+from navfw.stack.map_growth import MapGrowth
 from navfw.stack.stack import Stack
 from navfw.stack.stack_state import StackState
 from navfw.stack.stackfile import StackConfig
@@ -36,25 +47,66 @@ class Sighting:
     situations: Mapping[str, float] | None
 
 
+@dataclass(slots=True)
+class MappedPart:
+    """A part of a drive, from ``begin`` to ``end`` [s], in which the map ``growing`` has grown.
+
+    ``why`` says why it ended there; empty at the end of the drive, and while it goes on.
+    """
+
+    growing: GrowingMap
+    begin: float
+    end: float
+    why: str = ""
+    sightings: list[Sighting] = field(default_factory=list)
+
+    @property
+    def path(self) -> float:
+        """Its length [m] up to the last key pose."""
+        return self.growing.keys[-1].path if self.growing.keys else 0.0
+
+
 class MappingStack(Stack):
     """Runs the perceiving half of a stack: odometry, vision, local map; and the growing map.
 
-    Nothing is planned or decided. The stack file says ``growing_map: true``; ``growing`` is the map
-    so far, in which the state's belief is; ``sightings`` are those since the stack was loaded.
+    Nothing is planned or decided. The stack file says ``growing_map: true``. ``parts`` are those of
+    the drive so far: where a reading cannot be of the same drive as those before (``Continuity``),
+    another map begins at the origin. The state's belief is in the map of the last part.
     """
 
     def __init__(self, config: StackConfig, robot: RobotModel, topo_map: TopoMap) -> None:
         super().__init__(config, robot, topo_map)
         self._markers = Aruco(robot)
         self._larger = False  # whether there are images for landmarks
-        self.sightings: list[Sighting] = []
+        self._continuity = Continuity(robot)
+        self.parts: list[MappedPart] = []
 
     @property
     def growing(self) -> GrowingMap:
-        """The map so far."""
+        """The map of the last part so far."""
         return self.growth.growing_map
 
+    def _start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
+        self.parts.clear()
+        self._continuity = Continuity(self.robot)
+        super()._start(pose, goals)
+
+    def _watch(self, reading: SensorReading) -> None:
+        """Begin the first part, or another one if the last has ended before ``reading``."""
+        why = self._continuity.update(reading)
+        if why:
+            self.parts[-1].growing.end()
+            self.parts[-1].why = why
+            self.growth = MapGrowth(self.robot, self.resolved.settings.growing_map)
+            super()._start(Pose(0.0, 0.0, 0.0), [])
+            self._continuity = Continuity(self.robot)
+            self._continuity.update(reading)
+        if why or not self.parts:
+            self.parts.append(MappedPart(self.growth.growing_map, reading.time, reading.time))
+        self.parts[-1].end = reading.time
+
     def _step(self, reading: SensorReading) -> Twist:
+        self._watch(reading)
         measured = self.odometer.update(reading.inertial, reading.encoders)
         self.history.add(measured)
         self.safety.update(reading, measured)
@@ -78,9 +130,10 @@ class MappingStack(Stack):
         """Keep what is ``shown``, unless the robot is still where it was at the last sighting."""
         if shown is None or not self.safety.senses.seeing:
             return
-        if self.sightings:
-            step = self.sightings[-1].pose.relative(pose)
+        part = self.parts[-1]
+        if part.sightings:
+            step = part.sightings[-1].pose.relative(pose)
             if math.hypot(step.x, step.y) < _NEXT and abs(step.yaw) < _NEXT:
                 return
         seen = self._markers.recognize(shown), observed_situations(percept)
-        self.sightings.append(Sighting(len(self.growing.keys), pose, *seen))
+        part.sightings.append(Sighting(len(part.growing.keys), pose, *seen))

@@ -183,7 +183,7 @@ def _map_of(session: Session, spec: TaughtSpec, name: str) -> TopoMap:
         with scratch_folder("tour") as folder:
             with RunFolder(folder / "tour") as target:
                 write_run(result, target)
-            taught = teach([recorded_drive(folder / "tour")], name)
+            taught = teach([recorded_drive(folder / "tour")], name).maps[0]
         made, keys = taught.topo_map, list(taught.keys)
     rows = np.searchsorted(result.log.time, [key.submap.time for key in keys])
     true = result.log.true[np.minimum(rows, len(result.log.true) - 1), :2]

@@ -1,6 +1,7 @@
 """Teaching: a recorded drive becomes a map that can be driven; what cannot is refused by reason."""
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,15 +12,18 @@ from bag_samples import image, imu, joints, write_bag
 from cli_calls import answer, invoke, output, refusal
 from scripted_run import FakeSimulator
 
+from navfw.config import find
 from navfw.errors import ConfigError
 from navfw.localization.place_probabilities import load_table
 from navfw.missions import prepare
 from navfw.missions.run_report import write_run
+from navfw.plugins import default_registry
 from navfw.recording import Bag, RunFolder, ros_image
-from navfw.recording.teaching import _check_sensors, _parts, recorded_drive, teach
+from navfw.recording.teaching import Taught, TeachingDrive, recorded_drive, teach
 from navfw.robot import RobotModel
 from navfw.signals import Encoders, Pose, SensorReading, Twist
 from navfw.sim import SceneGeometry, load_world
+from navfw.stack import MappingStack
 from navfw.topomap import Passage, Place, TopoMap, load_map
 from navfw.topomap.map_check import check_map
 from navfw.topomap.map_formats import save_map
@@ -49,6 +53,31 @@ def readings(seconds: float, turn: float = 0.0) -> list[SensorReading]:
     return found
 
 
+def parts(drive: list[SensorReading]) -> list[tuple[int, int, str]]:
+    """First and last reading of each part of a drive, and why it ended."""
+    empty = TopoMap("none", [Place("start", 0.0, 0.0)], [])
+    stack = MappingStack.load(find("stack", "explore"), ROBOT, empty, default_registry())
+    stack.start(Pose(0.0, 0.0, 0.0), [])
+    for reading in drive:
+        stack.step(reading)
+    times = [reading.time for reading in drive]
+    return [(times.index(p.begin), times.index(p.end), p.why) for p in stack.parts]
+
+
+def stripped(reading: SensorReading, *missing: str) -> SensorReading:
+    """A reading without some sensors."""
+    if "gyro" in missing:
+        rates = replace(reading.inertial, roll_rate=np.nan, pitch_rate=np.nan, yaw_rate=np.nan)
+        reading = replace(reading, inertial=rates)
+    if "wheels" in missing:
+        reading = replace(reading, encoders=Encoders(reading.time, 7, 7))
+    return replace(reading, frame=None) if "camera" in missing else reading
+
+
+def taught(drive: TeachingDrive, readings: list[SensorReading]) -> Taught:
+    return teach([replace(drive, readings=lambda: readings)], "taught")
+
+
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return recorded(tmp_path_factory.mktemp("taught") / "run", "paper-room", "through-the-door")
@@ -60,7 +89,7 @@ def test_a_taught_map_fits_the_world_and_is_driven(drive: Path, tmp_path: Path) 
     done = invoke("map", "teach", drive, "--out", target, "--name", "5=dock", "--json")
     assert done.exit_code == 0, done.output
     summary = json.loads(done.stdout)
-    assert summary["parts"][0]["used"]
+    assert summary["parts"][0]["map"] == "taught"
     assert summary["parts"][0]["ended_by"] == ""
     topo_map = load_map(target)
     assert "dock" in topo_map.places
@@ -75,13 +104,49 @@ def test_a_taught_map_fits_the_world_and_is_driven(drive: Path, tmp_path: Path) 
     assert "--force" in again.output
 
 
+@pytest.fixture(scope="module")
+def elsewhere(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("elsewhere") / "run"
+    return recorded(folder, "office", "lobby-to-lab", "mission.timeout=25")
+
+
 @pytest.mark.thorough
-def test_drives_in_different_buildings_are_not_joined(drive: Path, tmp_path: Path) -> None:
-    other = recorded(tmp_path / "other", "office", "lobby-to-lab", "mission.timeout=25")
-    done = invoke("map", "teach", drive, other, "--out", tmp_path / "both.yaml")
-    assert done.exit_code == 2
-    assert "does not certainly overlap" in done.output
-    assert not (tmp_path / "both.yaml").exists()
+def test_drives_in_different_buildings_give_two_maps(
+    drive: Path, elsewhere: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "both-2.yaml").write_text("name: of somebody else\n")
+    done = invoke("map", "teach", drive, elsewhere, "--out", tmp_path / "both.yaml")
+    assert done.exit_code == 0, done.output
+    assert "2 maps, both and both-3: what they show does not certainly overlap" in done.stdout
+    assert f"{elsewhere / 'run.mcap'}: 0.0 to" in done.stdout
+    assert "in both-3" in done.stdout
+    assert (tmp_path / "both-2.yaml").read_text() == "name: of somebody else\n"
+    maps = [load_map(tmp_path / f"{name}.yaml") for name in ("both", "both-3")]
+    for topo_map, world in zip(maps, ("paper-room", "office"), strict=True):
+        plan = SceneGeometry.from_world(load_world(Path(f"worlds/{world}/world.yaml")))
+        walls = topo_map.floor_plan
+        assert walls is not None
+        surfaces = np.abs(plan.clearances(walls.centres(*np.nonzero(walls.occupied))))
+        assert np.percentile(surfaces, 90) < 0.15
+
+
+@pytest.mark.thorough
+def test_parts_of_a_drive_that_do_not_overlap_give_maps_of_their_own(
+    drive: Path, elsewhere: Path
+) -> None:
+    first, second = recorded_drive(drive), recorded_drive(elsewhere)
+    before = first.readings()
+    after = [replace(r, time=r.time + 100.0) for r in second.readings()]
+    made = teach([replace(first, readings=lambda: [*before, *after])], "m", [(110.0, "desk")])
+    assert [part.in_map for part in made.parts] == ["m", "m-2"]
+    assert "a gap of" in made.parts[0].why
+    assert "desk" in made.maps[1].topo_map.places
+    assert "desk" not in made.maps[0].topo_map.places
+    alone = teach([first], "m").maps[0].topo_map.floor_plan
+    plan = made.maps[0].topo_map.floor_plan
+    assert alone is not None
+    assert plan is not None
+    assert np.array_equal(plan.cells, alone.cells)  # what came after is not in it
 
 
 @pytest.mark.thorough
@@ -91,22 +156,60 @@ def test_two_drives_through_the_same_rooms_become_one_map(tmp_path: Path) -> Non
     ]
     drives = [recorded_drive(folder) for folder in folders]
     first, both = teach(drives[:1], "one"), teach(drives, "both")
-    assert [part.used for part in both.parts] == [True, True]
-    plans = first.topo_map.floor_plan, both.topo_map.floor_plan
+    assert [part.in_map for part in both.parts] == ["both", "both"]
+    plans = first.maps[0].topo_map.floor_plan, both.maps[0].topo_map.floor_plan
     sizes = [0 if plan is None else int(plan.free.sum()) for plan in plans]
     assert 0.9 * sizes[0] < sizes[1] < 1.15 * sizes[0]
 
 
+@pytest.mark.thorough
+@pytest.mark.parametrize("missing", [("wheels",), ("gyro",), ("wheels", "gyro")])
+def test_the_floor_takes_the_place_of_missing_sensors(
+    missing: tuple[str, ...], drive: Path
+) -> None:
+    whole = recorded_drive(drive)
+    made = taught(whole, [stripped(reading, *missing) for reading in whole.readings()])
+    said = f"{whole.file}: "
+    said += (
+        "no wheels: the scale is by the camera's height of 0.35 m"
+        if "wheels" in missing
+        else "no gyro"
+    )
+    assert made.notes[0].startswith(said)
+    full = teach([whole], "full")
+    assert made.parts[0].path == pytest.approx(full.parts[0].path, rel=0.01)
+    pairs = zip(made.maps[0].keys, full.maps[0].keys, strict=True)
+    assert max(math.dist((a.pose.x, a.pose.y), (b.pose.x, b.pose.y)) for a, b in pairs) < 0.1
+    walls, plan = made.maps[0].topo_map.floor_plan, load_world(Path("worlds/paper-room/world.yaml"))
+    assert walls is not None
+    away = SceneGeometry.from_world(plan).clearances(walls.centres(*np.nonzero(walls.occupied)))
+    assert np.percentile(np.abs(away), 90) < 0.15
+
+
+@pytest.mark.thorough
+def test_without_wheels_a_drive_is_split_where_the_floor_is_not_seen(drive: Path) -> None:
+    whole = recorded_drive(drive)
+    blind = [
+        replace(r, frame=replace(r.frame, image=np.full_like(r.frame.image, 90)))
+        if r.frame is not None and 6.0 < r.time < 7.0
+        else r
+        for r in (stripped(r, "wheels") for r in whole.readings())
+    ]
+    made = taught(whole, blind)
+    assert "a gap of 1." in made.parts[0].why
+    assert made.parts[0].end == pytest.approx(6.0, abs=0.1)
+
+
 def test_an_undisturbed_drive_is_one_part() -> None:
     drive = readings(20.0, 0.5)
-    assert [(a, b, why) for a, b, why in _parts(drive, ROBOT)] == [(0, len(drive) - 1, "")]
+    assert [(a, b, why) for a, b, why in parts(drive)] == [(0, len(drive) - 1, "")]
 
 
 def test_a_gap_splits_the_drive() -> None:
     drive = readings(10.0)
     cut = [*drive[:200], *drive[300:]]
-    assert [(a, b) for a, b, _ in _parts(cut, ROBOT)] == [(0, 199), (200, len(cut) - 1)]
-    assert "a gap of 1.7 s" in next(_parts(cut, ROBOT))[2]
+    assert [(a, b) for a, b, _ in parts(cut)] == [(0, 199), (200, len(cut) - 1)]
+    assert "a gap of 1.7 s" in parts(cut)[0][2]
 
 
 def test_a_jump_of_the_wheels_splits_the_drive() -> None:
@@ -117,7 +220,7 @@ def test_a_jump_of_the_wheels_splits_the_drive() -> None:
         else replace(reading, encoders=replace(reading.encoders, left=reading.encoders.left + 5000))
         for k, reading in enumerate(drive)
     ]
-    assert [(a, b) for a, b, _ in _parts(jumped, ROBOT)] == [(0, 99), (100, len(drive) - 1)]
+    assert [(a, b) for a, b, _ in parts(jumped)] == [(0, 99), (100, len(drive) - 1)]
 
 
 def test_a_dark_camera_splits_the_drive() -> None:
@@ -128,9 +231,9 @@ def test_a_dark_camera_splits_the_drive() -> None:
         else r
         for r in drive
     ]
-    parts = list(_parts(dark, ROBOT))
-    assert "no image shows anything" in parts[0][2]
-    assert len(parts) >= 2
+    found = parts(dark)
+    assert "no image shows anything" in found[0][2]
+    assert len(found) >= 2
 
 
 def test_a_robot_that_was_carried_splits_the_drive() -> None:
@@ -143,20 +246,21 @@ def test_a_robot_that_was_carried_splits_the_drive() -> None:
         )
         for reading in drive
     ]
-    assert any("carried" in why for _, _, why in _parts(carried, ROBOT))
+    assert any("carried" in why for _, _, why in parts(carried))
 
 
 @pytest.mark.parametrize("missing", ["gyro", "wheels", "camera"])
-def test_a_recording_without_a_sensor_is_refused_by_name(missing: str) -> None:
-    drive = readings(2.0)
-    if missing == "gyro":
-        drive = [replace(r, inertial=replace(r.inertial, yaw_rate=np.nan)) for r in drive]
-    elif missing == "wheels":
-        drive = [replace(r, encoders=Encoders(r.time, 7, 7)) for r in drive]
-    else:
-        drive = [replace(r, frame=None) for r in drive]
-    with pytest.raises(ConfigError, match=f"a map needs (a )?{missing}"):
-        _check_sensors(drive, Path("run.mcap"))
+def test_a_sensor_that_nothing_replaces_is_named(missing: str) -> None:
+    drive = TeachingDrive(Path("run.mcap"), ROBOT, lambda: ())
+    plain = [
+        replace(r, frame=replace(r.frame, image=np.full_like(r.frame.image, 90)))
+        if r.frame is not None
+        else r
+        for r in readings(2.0)
+    ]
+    with pytest.raises(ConfigError, match=f"run.mcap: a map needs (a )?{missing}") as refused:
+        taught(drive, [stripped(reading, missing) for reading in plain])
+    assert missing == "camera" or "found in 0% of the images" in str(refused.value)
 
 
 @pytest.mark.parametrize("text", ["dock", "x=dock", "3=", "3=a b"])
@@ -210,9 +314,16 @@ def test_a_bag_and_a_folder_of_the_same_drive_give_its_map(drive: Path, tmp_path
         plans.append(float(plan.free.sum()))
     assert plans[1] == pytest.approx(plans[0], rel=0.1)
     assert plans[2] == pytest.approx(plans[1], rel=0.05)
-    (folder / "gyro.csv").unlink()
-    said = refusal("map", "teach", folder, "--out", tmp_path / "none.yaml")
-    assert "a map needs a gyro: there is no gyro.csv" in said
+    for table, said in (
+        ("gyro", "no gyro: turns are by"),
+        ("wheels", "no wheels: the scale is by"),
+    ):
+        (folder / f"{table}.csv").unlink()
+        done = answer("map", "teach", folder, "--out", tmp_path / "maps" / f"no-{table}.yaml")
+        assert said in done["notes"][0]
+        plan = load_map(tmp_path / "maps" / f"no-{table}.yaml").floor_plan
+        assert plan is not None
+        assert float(plan.free.sum()) == pytest.approx(plans[2], rel=0.1)
 
 
 @pytest.mark.parametrize(

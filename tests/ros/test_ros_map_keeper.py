@@ -13,7 +13,9 @@ from cli_calls import refusal
 from map_server import served_map
 from ros_graph import Graph, GraphDrive
 
+from navfw.mapping import GrowingMap
 from navfw.recording import deserialize_cdr, ros_message
+from navfw.signals import Pose
 from navfw.sim import SceneGeometry, load_world
 from navfw.topomap import load_map
 
@@ -75,6 +77,7 @@ def test_an_exploration_publishes_and_keeps_its_map(
         "map": str(file),
         "places": len(topo_map.places),
         "edges": len(topo_map.passages),
+        "more_maps": [],
     }
 
     times = [time for time, _ in graph.kept["navfw/map"]][:-1]  # without that of the end
@@ -111,10 +114,12 @@ def test_an_exploration_publishes_and_keeps_its_map(
     assert {("map", "odom"), ("odom", "base_link")} <= links
 
 
-def steer(graph: Graph) -> None:
-    """Command what a person may: ahead, and a turn to the left."""
+def steer(graph: Graph, circle: bool = False) -> None:
+    """Command what a person may: ahead, and a turn to the left; or a circle of 0.4 m."""
     turns = graph.time % 6.0 > 3.0
     twist = {"linear": {"x": 0.1 if turns else 0.3}, "angular": {"z": 0.4 if turns else 0.0}}
+    if circle:
+        twist = {"linear": {"x": 0.2}, "angular": {"z": 0.5}}
     kind = "geometry_msgs/msg/TwistStamped"
     graph.send("cmd_vel", ros_message(kind, {"header": {"frame_id": "base_link"}, "twist": twist}))
 
@@ -155,6 +160,55 @@ def test_a_drive_that_another_node_steers_becomes_a_map_with_named_places(
     status = json.loads(deserialize_cdr(graph.sent["navfw/status"], "std_msgs/msg/String").data)
     assert math.dist(status["pose"][:2], (drive.truth.x, drive.truth.y)) < 0.1
     assert status["finished"] is False
+
+
+@pytest.mark.thorough
+def test_a_drive_with_a_gap_is_split_and_joined_where_its_parts_overlap(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    graph, file, steered = Graph(), tmp_path / "taught.yaml", [0]
+    other = tmp_path / "taught-2.yaml"
+    other.write_text("name: of somebody else\n")
+    kept = set[str]()
+
+    def spoil(topic: str, data: bytes) -> list[bytes]:
+        lost = 26.0 < graph.time < 27.0 and topic in {"image", "imu", "joint_states"}
+        return [] if lost else [data]
+
+    def each(_: GraphDrive) -> None:
+        kept.update(path.name for path in tmp_path.glob("*.yaml"))
+        if graph.time > 1.2 and graph.time - 0.1 * steered[0] > 1.2:
+            steer(graph, circle=True)
+            steered[0] += 1
+            if steered[0] == 400:
+                graph.send("name_place", ros_message("std_msgs/msg/String", {"data": "desk"}))
+
+    graph.spoil = spoil
+    settings = ["mission.explore.limit=60", "mission.timeout=60"]
+    drive = GraphDrive(
+        graph, monkeypatch, "paper-room", None, 1, settings, each=each, keep=file, watches=True
+    )
+    drive.run()
+    said = "the drive is split: a gap of 1.0 s; from here on the map is taught-3"
+    assert said in drive.node.notes
+    assert kept == {"taught.yaml", "taught-2.yaml", "taught-3.yaml"}
+    assert drive.keeper is not None
+    apart = drive.keeper.finish()
+    third = tmp_path / "taught-3.yaml"
+    assert [one["map"] for one in apart["more_maps"]] == [str(third)]
+    assert "desk" in load_map(third).places
+    assert "desk" not in load_map(file).places
+
+    def overlap(first: GrowingMap, second: GrowingMap) -> bool:
+        first.join(second, Pose(0.0, 0.0, 0.0), [])
+        return True
+
+    monkeypatch.setattr("navfw.mapping.joining.join", overlap)
+    assert drive.keeper.finish()["more_maps"] == []
+    assert "desk" in load_map(file).places
+    assert not third.exists()
+    assert not (tmp_path / "plans" / "taught-3.yaml").exists()
+    assert other.read_text() == "name: of somebody else\n"
 
 
 @pytest.mark.parametrize("words", [("explore", "--out-map"), ("drive", "--teach")])
