@@ -324,7 +324,7 @@ class MissionResult(RunResult):
         return replace(result, cause=cause, cause_seen=cause_seen)
 
     def explored_map(self, name: str) -> TopoMap:
-        """The map ``name`` (of a file, or plain) of an exploration; InputError if it saw nothing."""
+        """The map ``name`` (or file) of an exploration; InputError if there is none."""
         made, plan = self._explored, self._explored.floor_plan
         return TopoMap(Path(name).stem, made.places.values(), made.passages, floor_plan=plan)
 
