@@ -29,7 +29,7 @@ __all__ = ["PANELS", "app", "main"]
 
 PANELS = {
     "Drive": {"run": "run", "replay": "recordings", "perceive": "perceive", "ros": "ros"},
-    "Look": {"list": "listings", "explain": "recordings", "report": "recordings", "export": "bags"},
+    "Look": {"list": "listings", "explain": "explain", "report": "recordings", "export": "bags"},
     "Make": {"world": "world", "map": "map"},
     "Measure": {"suite": "suite", "tune": "tune"},
     "Project": {

@@ -84,19 +84,19 @@ class FailureSymptoms:
     vetoed: float = 0.0
 
 
-def failure_of(result: MissionResult) -> tuple[str, str]:
-    """The cause of a failed run (``Cause``), and what a person sees of it.
+def failure_of(result: MissionResult) -> dict[str, Any]:
+    """The ``cause`` of a failed run (``Cause``), and ``cause_seen``: what a person sees of it.
 
-    Both are empty for a run that succeeded or was cancelled; the second where the reason says it.
+    Empty for a run that succeeded or was cancelled.
     """
     if result.outcome.succeeded or result.outcome is Outcome.CANCELLED:
-        return "", ""
+        return {}
     try:
         cause = classify(collect_symptoms(result))
-        return ("", "") if cause is None else (str(cause), sentence(cause, result))
+        return {} if cause is None else {"cause": cause, "cause_seen": sentence(cause, result)}
     except Exception:  # a failed classification does not invalidate the result
         traceback.print_exc(file=sys.stderr)
-        return str(Cause.UNKNOWN), ""
+        return {"cause": Cause.UNKNOWN}
 
 
 def classify(symptoms: FailureSymptoms) -> Cause | None:

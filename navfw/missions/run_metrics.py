@@ -136,6 +136,7 @@ class RunResult(RunMetrics):
         return {
             **{name: getattr(self, name) for name in names},
             "outcome": str(self.outcome),
+            "cause": str(self.cause),
             "contacts": [*map(asdict, self.contacts)],
             "events": [event.as_data() for event in self.events],
             "exploration": None if self.exploration is None else self.exploration.as_data(),

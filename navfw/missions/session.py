@@ -272,13 +272,12 @@ class MissionResult(RunResult):
         movers = simulation.walker_track() if session.world.movers else None
         changes = simulation.change_track()
         permanent = tuple(s for s in session.plan.solids if s.name not in changes.names)
-        start = mission.start.x, mission.start.y
-        points = [start, *((goal.x, goal.y) for goal in mission.goals)]
+        points = [(pose.x, pose.y) for pose in (mission.start, *mission.goals)]
         explored = _exploration(session, log, movers)
         metrics = measure(
             log,
             SceneGeometry(session.plan.bounds, permanent),
-            start=start,
+            start=points[0],
             goal=points[-1],
             within=mission.spec.success.within,
             shortest=session.shortest if explored is None else explored.tour_m,
@@ -320,8 +319,7 @@ class MissionResult(RunResult):
             movers=movers,
             changes=changes,
         )
-        cause, cause_seen = failure_of(result)
-        return replace(result, cause=cause, cause_seen=cause_seen)
+        return replace(result, **failure_of(result))
 
     def explored_map(self, name: str) -> TopoMap:
         """The map ``name`` (or file) of an exploration; InputError if there is none."""

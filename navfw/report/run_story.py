@@ -31,13 +31,13 @@ _STANDING, _TURNING = 0.02, 0.1
 _SLOW = 0.6
 """Share of the top speed below which a robot is slow."""
 
-_LEAST = {
+_MIN_DURATION = {
     "held": 0.3, "lost": 0.2, "gave way": 0.5, "backed": 0.4, "stood": 1.0,
     "turned": 0.8, "aside": 0.5, "slow": 1.0,
 }  # fmt: skip
 """Least duration [s] of an episode that is told, by its kind; those told first stand first."""
 
-EPISODES = tuple(_LEAST)
+EPISODES = tuple(_MIN_DURATION)
 """The kinds of episodes, what matters most first."""
 
 _CLOSER = 0.3
@@ -206,11 +206,11 @@ def _episodes(
         "slow" if not kind and one.said["v"] < _SLOW * top and one.speed < _SLOW * top else kind
         for kind, one in zip(kinds, decisions, strict=True)
     ]
-    for wanted, least in _LEAST.items():
+    for wanted, shortest in _MIN_DURATION.items():
         for first, last in _runs(decisions, [kind == wanted for kind in slow]):
             part = decisions[first : last + 1]
             took = part[-1].time - part[0].time + 0.1
-            if took >= least * shorter:
+            if took >= shortest * shorter:
                 place = _where(part[0], places)
                 text = f"{place}: {_sentence(wanted, part, took)}"
                 yield StoryLine(part[0].time, part[-1].time, wanted, text)
@@ -301,10 +301,10 @@ def _nearest(one: _Decision, places: Mapping[str, tuple[float, float]]) -> tuple
 def _where(one: _Decision, places: Mapping[str, tuple[float, float]]) -> str:
     """Where the robot believed to be: at or near a place, or at x, y."""
     name, away = _nearest(one, places)
-    here = "somewhere" if math.isnan(one.x) else f"({one.x:.1f}, {one.y:.1f})"
+    point = "somewhere" if math.isnan(one.x) else f"({one.x:.1f}, {one.y:.1f})"
     if away > _NEAR:
-        return here
-    return f"{'at' if away <= _AT else 'near'} {name} {here}"
+        return point
+    return f"{'at' if away <= _AT else 'near'} {name} {point}"
 
 
 # --- what the result says ------------------------------------------------------------------------

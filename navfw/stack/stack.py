@@ -146,9 +146,8 @@ class Stack:
     ) -> dict[str, Any]:
         """Explain the last command: percept, proposals, weights, and the rules that fired.
 
-        Returns plain data, as ``explanation_lines`` takes it; empty before the first command. The
-        faults of plugins that fail to explain go to ``guard``, by default that of the stack.
-        ``inference`` adds how OFFIS came to its sentence, most of the data.
+        Returns plain data, as ``explanation_lines`` takes it; empty before the first command.
+        Faults go to ``guard`` (default: the stack's); ``inference`` adds how OFFIS came to it.
         """
         state, guard = self._decided, guard or self.guard
         if state is None or state.command is None or state.proposals is None:

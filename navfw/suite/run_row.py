@@ -158,7 +158,7 @@ class RunRow:
     hazards: str = _of(lambda run: ", ".join(run.session.world.hazards), "")
     outcome: str
     reason: str = _of(lambda run: run.reason, "")
-    cause: str = _of(lambda run: run.cause, "")
+    cause: str = _of(lambda run: str(run.cause), "")
     notes: str = _of(lambda run: run.notes, "")
     behavior: str = _of(lambda run: run.behavior, "")
     sim_time_s: float | None = _of(lambda run: run.sim_time_s, None)

@@ -1,5 +1,6 @@
 """The story of a run: episodes are found, told with their reason, and fit into thirty lines."""
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -55,8 +56,10 @@ class Drive:
             yield RecordedMessage(topics.RULES, time, {"behaviors": fired})
 
 
-def told(drive: Drive, *part: float, places: Any = PLACES) -> Sequence[StoryLine]:
-    return read_story(cast(RecordedRun, drive), RESULT, places, *part)
+def told(
+    drive: Drive, begin: float = 0.0, end: float = math.inf, places: Any = PLACES
+) -> Sequence[StoryLine]:
+    return read_story(cast(RecordedRun, drive), RESULT, places, begin, end)
 
 
 def test_each_kind_of_episode_is_told_with_time_place_and_reason() -> None:
