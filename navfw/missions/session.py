@@ -272,12 +272,13 @@ class MissionResult(RunResult):
         movers = simulation.walker_track() if session.world.movers else None
         changes = simulation.change_track()
         permanent = tuple(s for s in session.plan.solids if s.name not in changes.names)
-        points = [(pose.x, pose.y) for pose in (mission.start, *mission.goals)]
+        start = mission.start.x, mission.start.y
+        points = [start, *((goal.x, goal.y) for goal in mission.goals)]
         explored = _exploration(session, log, movers)
         metrics = measure(
             log,
             SceneGeometry(session.plan.bounds, permanent),
-            start=points[0],
+            start=start,
             goal=points[-1],
             within=mission.spec.success.within,
             shortest=session.shortest if explored is None else explored.tour_m,
