@@ -8,6 +8,7 @@ its strongest rule, and how far that rule was fulfilled.
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -27,6 +28,9 @@ LINES = 30
 
 _STANDING, _TURNING = 0.02, 0.1
 """Speed [m/s] and rate [rad/s] up to which a robot stands, or does not turn."""
+
+_TURNED_ASIDE = 0.17
+"""Least turn [rad] of a robot that turns aside."""
 
 _SLOW = 0.6
 """Share of the top speed below which a robot is slow."""
@@ -51,6 +55,9 @@ _AT, _NEAR = 0.6, 2.5
 
 _GOALS = 5
 """Largest number of goals that are named."""
+
+_NOTHING = re.compile(r"THEN \w+ IS (no|none)(, \w+ IS (no|none))*$")
+"""Rules that ask for nothing are no reason."""
 
 _GIVES_WAY, _ASIDE = ("give_way",), ("avoid",)
 """Behaviours that lead while the robot gives way, and while it turns aside."""
@@ -92,6 +99,11 @@ class _Decision:
         if abs(v) <= _STANDING:
             return "stood" if abs(w) <= _TURNING else "turned"
         return "aside" if leader in _ASIDE and abs(w) > _TURNING else ""
+
+    @property
+    def bounded(self) -> bool:
+        """Whether anything else than its acceleration kept the robot below its top speed."""
+        return not self.said.get("slower", "").startswith("speeding up")
 
 
 def read_story(
@@ -203,14 +215,15 @@ def _episodes(
     """The episodes of all kinds; slow ones where no other is."""
     kinds = [one.kind for one in decisions]
     slow = [
-        "slow" if not kind and one.said["v"] < _SLOW * top and one.speed < _SLOW * top else kind
+        kind or ("slow" if max(one.said["v"], one.speed) < _SLOW * top and one.bounded else "")
         for kind, one in zip(kinds, decisions, strict=True)
     ]
     for wanted, shortest in _MIN_DURATION.items():
         for first, last in _runs(decisions, [kind == wanted for kind in slow]):
             part = decisions[first : last + 1]
             took = part[-1].time - part[0].time + 0.1
-            if took >= shortest * shorter:
+            turned = abs(sum(one.said["w"] for one in part)) * 0.1
+            if took >= shortest * shorter and (wanted != "aside" or turned >= _TURNED_ASIDE):
                 place = _where(part[0], places)
                 text = f"{place}: {_sentence(wanted, part, took)}"
                 yield StoryLine(part[0].time, part[-1].time, wanted, text)
@@ -240,7 +253,7 @@ def _sentence(kind: str, part: Sequence[_Decision], took: float) -> str:
     if kind == "held":
         return f"held for {took:.1f} s: {_most(one.said['held'] for one in part)}"
     if kind == "slow":
-        least = min(one.said["v"] for one in part)
+        least = min(max(one.said["v"], 0.0) for one in part)
         return f"slowed to {least:.2f} m/s for {took:.1f} s; {_reason(part, slower=True)}"
     what = {
         "gave way": f"gave way for {took:.1f} s",
@@ -263,7 +276,8 @@ def _reason(part: Sequence[_Decision], *, slower: bool = False) -> str:
     best = 0.0
     for one in part:
         for fired in one.rules.get("behaviors", {}).get(name, {}).get("rules", ()):
-            if fired["strength"] > best and (not said or fired["rule"] == rule):
+            says = not _NOTHING.search(fired["rule"]) and (not said or fired["rule"] == rule)
+            if says and fired["strength"] > best:
                 best, rule = float(fired["strength"]), str(fired["rule"])
     reason = _most(one.said["reason"] for one in part if one.said["leader"] == name)
     if not rule:
@@ -337,7 +351,7 @@ def _of_result(result: Mapping[str, Any]) -> Iterator[StoryLine]:
             contact["time"], contact["time"], "contact", f"{at}: touched {contact['body']}"
         )
     for event in result.get("events", ()):
-        what = " ".join(f"{key} {value}" for key, value in event["event"].items())
+        what = ", ".join(f"{key} {_plain(value)}" for key, value in event["event"].items())
         ended = event.get("ended_s") or event["began_s"]
         yield StoryLine(event["began_s"], ended, "event", f"the mission's event: {what}")
     for change in result.get("map_changes", ()):
@@ -346,3 +360,10 @@ def _of_result(result: Mapping[str, Any]) -> Iterator[StoryLine]:
             text = f"{at}: found {change['what']} {change['kind']} {change['detail']}".rstrip()
             sure = f", {change['certainty']:.0%} certain"
             yield StoryLine(change["time"], change["time"], "changed", text + sure)
+
+
+def _plain(value: Any) -> str:
+    """A value of an event as words."""
+    if isinstance(value, Mapping):
+        return " ".join(f"{key} {_plain(one)}" for key, one in value.items())
+    return str(value)
