@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from navfw.context import Context
-    from navfw.topomap import TopoMap
+    from navfw.topomap import Passage, TopoMap
 
 
 class Params(StrictModel):
@@ -180,6 +180,21 @@ class Planner(Plugin):
     def notes(self) -> str:
         """What was found to differ from the map, for the result."""
         return ""
+
+    @property
+    def closed(self) -> Sequence[Passage]:
+        """Passages of the map that were found closed, for the list of its changes."""
+        return ()
+
+    @property
+    def found(self) -> Sequence[tuple[str, Sequence[tuple[float, float]]]]:
+        """Names and tracks (x, y) [m] of ways that were driven and that the map has not."""
+        return ()
+
+    @property
+    def topo_map(self) -> TopoMap | None:
+        """The map with the ways that were found; None for that of ``start``."""
+        return None
 
     def explain_choice(self) -> Mapping[str, Any]:
         """Explain where the planner heads for, as plain data; empty if a route says it."""

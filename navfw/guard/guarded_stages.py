@@ -178,6 +178,13 @@ class GuardedPlanner(GuardedStage[interfaces.Planner]):
         """What was found to differ from the map."""
         return self._attempt(lambda: self.plugin.notes, check=answers.check_reason) or ""
 
+    @property
+    def findings(self) -> answers.Findings:
+        """Closed passages, names and tracks of ways, and the map with these."""
+        plugin, check = self.plugin, answers.check_findings
+        found = self._attempt(lambda: (plugin.closed, plugin.found, plugin.topo_map), check=check)
+        return ((), (), None) if found is None else found
+
     def explain_choice(self, guard: PluginGuard | None = None) -> Mapping[str, Any]:
         """Why the planner heads for where it does; empty if a route says it.
 

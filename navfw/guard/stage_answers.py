@@ -7,7 +7,7 @@ Each function takes the answer and, where needed, what it must agree with, and r
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import fields
 from functools import lru_cache, partial
 from typing import Any, TypeVar
@@ -31,6 +31,7 @@ from navfw.signals import (
     Twist,
     Waypoint,
 )
+from navfw.topomap import Passage, TopoMap
 
 T = TypeVar("T")
 
@@ -176,6 +177,17 @@ def check_wish(answer: object) -> bool:
 def check_reason(answer: Any) -> str | None:
     """A planner's reason why there is no route; None while there is one."""
     return None if answer is None else answers.text(answer, "no_route_reason")
+
+
+Findings = tuple[Sequence[Passage], Sequence[tuple[str, Sequence[Any]]], TopoMap | None]
+
+
+def check_findings(answer: Any) -> Findings:
+    """What a planner found: closed passages, ways with tracks that are not empty, a map or None."""
+    closed = _each(answer[0], Passage, "closed", lambda passage: passage)
+    ways = [_pair(way, "found", lambda part, _: part, "parts") for way in answer[1]]
+    tracks = [(answers.text(n, "found"), [_point(at, "track") for at in t]) for n, t in ways if t]
+    return closed, tracks, answer[2] and answers.instance(answer[2], TopoMap, "topo_map")
 
 
 def check_explanation(answer: Any) -> Mapping[str, Any]:

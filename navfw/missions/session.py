@@ -275,6 +275,7 @@ class MissionResult(RunResult):
         start = mission.start.x, mission.start.y
         points = [start, *((goal.x, goal.y) for goal in mission.goals)]
         explored = _exploration(session, log, movers)
+        map_changes = () if explored is not None else _map_changes(session)
         metrics = measure(
             log,
             SceneGeometry(session.plan.bounds, permanent),
@@ -313,7 +314,7 @@ class MissionResult(RunResult):
             notes=stack.state.notes,
             events=drive.events.log,
             exploration=explored,
-            map_changes=() if explored is not None else _map_changes(session),
+            map_changes=map_changes,
             session=session,
             verdict=verdict,
             log=log,
@@ -337,7 +338,7 @@ class MissionResult(RunResult):
     def corrected_map(self, name: str) -> TopoMap:
         """The mission's map as ``name``, with ``map_changes``; MapError if nothing is left."""
         stack, radius = self.session.stack, self.session.mission.spec.robot.radius
-        known = getattr(stack.planner.plugin, "topo_map", None) or stack.topo_map
+        known = stack.planner.findings[2] or stack.topo_map
         return corrected_map(known, stack.growth.growing_map.grid, self.map_changes, radius, name)
 
     @property
@@ -368,9 +369,8 @@ def _map_changes(session: Session) -> tuple[MapChange, ...]:
     if not growing.begun:
         return ()
     growing.finish()
-    closed, ways = (getattr(stack.planner.plugin, name, ()) for name in ("closed", "found"))
-    tracks = [(str(way), way.track) for way in ways]
-    return tuple(changes_between(stack.topo_map, growing.grid, closed, tracks, growing.last_seen))
+    closed, found, _ = stack.planner.findings
+    return tuple(changes_between(stack.topo_map, growing.grid, closed, found, growing.last_seen))
 
 
 def _exploration(

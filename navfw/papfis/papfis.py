@@ -218,9 +218,9 @@ class Papfis(Planner):
         return "; ".join([*self._tour.doors.notes.values(), *ways])
 
     @property
-    def found(self) -> Sequence[FoundWay]:
-        """The ways that were found so far, in their order."""
-        return () if self._tour is None else self._found
+    def found(self) -> Sequence[tuple[str, Sequence[tuple[float, float]]]]:
+        """Names and tracks (x, y) [m] of the ways that were found so far, in their order."""
+        return () if self._tour is None else [(str(way), way.track) for way in self._found]
 
     @property
     def topo_map(self) -> TopoMap | None:

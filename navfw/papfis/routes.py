@@ -232,14 +232,7 @@ class Router:
         """Add places and passages that were found; closed passages stay closed."""
         before, closed = self.costs, self.closed
         known = [before.as_revised(passage) for passage in self.topo_map.passages]
-        self.topo_map = TopoMap(
-            self.topo_map.name,
-            [*self.topo_map.places.values(), *places],
-            [*known, *passages],
-            self.topo_map.file,
-            self.topo_map.landmarks.values(),
-            self.topo_map.floor_plan,
-        )
+        self.topo_map = self.topo_map.replaced(passages=known).extended(places, passages)
         self.costs = EdgeCosts(self.topo_map, self._robot, before.params)
         self._graph = CostGraph(self.topo_map, self.costs.values)
         self._doorways = Doorways(self.topo_map)

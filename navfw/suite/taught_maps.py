@@ -201,10 +201,8 @@ def _placed(topo_map: TopoMap, frame: Pose) -> TopoMap:
         return dict(zip("xy", frame.to_parent(thing.x, thing.y), strict=True))
 
     plan, marks = topo_map.floor_plan, topo_map.landmarks.values()
-    return TopoMap(
-        topo_map.name,
-        [replace(place, **at(place)) for place in topo_map.places.values()],
-        topo_map.passages,
+    return topo_map.replaced(
+        places=[replace(place, **at(place)) for place in topo_map.places.values()],
         landmarks=[
             replace(mark, **at(mark), yaw=wrap_angle(mark.yaw + frame.yaw)) for mark in marks
         ],

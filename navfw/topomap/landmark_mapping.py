@@ -209,14 +209,7 @@ def with_landmarks(
         height, size = (_DEFAULT_HEIGHT, default_size(kind)) if old is None else (old.z, old.size)
         pose = round(estimate.x, 3), round(estimate.y, 3), round(estimate.yaw, 3)
         marks[estimate.identity] = Landmark(name, kind, number, *pose, z=height, size=size)
-    return TopoMap(
-        topo_map.name,
-        list(topo_map.places.values()),
-        topo_map.passages,
-        topo_map.file,
-        list(marks.values()),
-        topo_map.floor_plan,
-    )
+    return topo_map.replaced(landmarks=marks.values())
 
 
 def _parsed(identity: str) -> tuple[str, int]:

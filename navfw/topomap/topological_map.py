@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import networkx as nx
 import numpy as np
@@ -95,26 +96,23 @@ class TopoMap(Sealed):
     def __repr__(self) -> str:
         return f"TopoMap({self.name!r}, {len(self.places)} places, {len(self.passages)} passages)"
 
+    def replaced(self, **parts: Any) -> TopoMap:
+        """Return the map with other ``parts``, by their names; under another name, of no file."""
+        file = None if "name" in parts else self.file
+        same = {name: getattr(self, name) for name in ("name", "passages", "floor_plan")}
+        same |= {"places": self.places.values(), "landmarks": self.landmarks.values()}
+        return TopoMap(**{**same, "file": file, **parts})
+
     def renamed(self, names: Mapping[str, str]) -> TopoMap:
         """Return the map with the places that are keys of ``names`` called as their values."""
-        return TopoMap(
-            self.name,
-            [replace(p, name=names.get(p.name, p.name)) for p in self.places.values()],
-            [replace(p, a=names.get(p.a, p.a), b=names.get(p.b, p.b)) for p in self.passages],
-            landmarks=self.landmarks.values(),
-            floor_plan=self.floor_plan,
-        )
+        places = [replace(p, name=names.get(p.name, p.name)) for p in self.places.values()]
+        ends = [replace(p, a=names.get(p.a, p.a), b=names.get(p.b, p.b)) for p in self.passages]
+        return self.replaced(places=places, passages=ends)
 
     def extended(self, places: Iterable[Place], passages: Iterable[Passage]) -> TopoMap:
         """Return the map with more places and passages."""
-        return TopoMap(
-            self.name,
-            [*self.places.values(), *places],
-            [*self.passages, *passages],
-            self.file,
-            self.landmarks.values(),
-            self.floor_plan,
-        )
+        more = [*self.places.values(), *places], [*self.passages, *passages]
+        return self.replaced(places=more[0], passages=more[1])
 
     @property
     def graph(self) -> nx.Graph:

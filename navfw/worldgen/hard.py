@@ -19,7 +19,6 @@ import numpy as np
 from navfw.errors import WorldError
 from navfw.sim.shapes import Circle
 from navfw.sim.worldspec import DoorSpec, LightSpec, OpeningSpec
-from navfw.topomap import TopoMap
 from navfw.worldgen.open_areas import add_person
 from navfw.worldgen.plan_exchange import exported_plan
 from navfw.worldgen.rooms import DOOR_TO_CORNER, Rooms, furnish, inner_spans
@@ -52,9 +51,8 @@ class Hard(Rooms):
         draft = super().build(rng, blend(0.5, 1.0, difficulty))
         if draft.topo_map is None:
             raise Unsuitable("rooms without a map")
-        places, passages = draft.topo_map.places.values(), draft.topo_map.passages
         plan = exported_plan(draft.world("plan"), walls_only=True)
-        draft.topo_map = TopoMap("generated-hard", places, passages, floor_plan=plan)
+        draft.topo_map = draft.topo_map.replaced(name="generated-hard", floor_plan=plan)
         draft.stack = _STACK
         chance = blend(0.35, 0.65, difficulty)
         drawn = [name for name in _HAZARDS if rng.random() < chance]

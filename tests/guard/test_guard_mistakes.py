@@ -104,6 +104,9 @@ DRIVES: dict[str, Mistake] = {
     "planner's queries raise": raising("planner", "queries(self)", after=PROPERTY),
     "planner's reason raises": raising("planner", "no_route_reason(self)", after=PROPERTY),
     "planner's notes raise": raising("planner", "notes(self)", after=PROPERTY),
+    "planner's closed raises": raising("planner", "closed(self)", after=PROPERTY),
+    "planner's found raises": raising("planner", "found(self)", after=PROPERTY),
+    "planner's map raises": raising("planner", "topo_map(self)", after=PROPERTY),
     "planner fails to observe": raising("planner", "observe(self, report)"),
     **{
         f"{kind} returns None": main(kind, "return None", "returned NoneType")
