@@ -41,6 +41,9 @@ _NO_SCAN = PlanScan(np.empty((0, 2)), np.empty(0), np.empty((0, 2)))  # defined
 _UNRELATED = 100.0  # chosen
 """Path [m] between two maps that are joined: nothing is known of the way between them."""
 
+_BLOCK = 0.4  # chosen
+"""Side [m] of the blocks of ground for which it is kept when they were seen last."""
+
 _SETTLED = 0.02  # chosen
 """Distance [m], or turn [rad] by 1 m, that no key pose may have moved for the grid to stay."""
 
@@ -48,10 +51,11 @@ _SETTLED = 0.02  # chosen
 class GrowingMap:
     """Joins what one robot's local map observes to a grid in the frame ``map``.
 
-    With ``close_loops`` the poses are corrected where the robot sees earlier ground again.
+    With ``close_loops`` the poses are corrected where the robot sees earlier ground again. Without,
+    a localiser places each submap for good, and none is kept.
 
-    ``correction`` is the pose of ``odom`` in ``map``. ``keys`` are the key poses so far, ``clouds``
-    some of the points seen around each.
+    ``correction`` is the pose of ``odom`` in ``map``. ``keys`` are the key poses that are kept,
+    ``clouds`` some of the points seen around each.
     """
 
     def __init__(self, robot: RobotModel, close_loops: bool = True) -> None:
@@ -76,6 +80,7 @@ class GrowingMap:
         self._local_map: LocalMap | None = None
         self._moving: Sequence[OccupiedDisc] = ()
         self.clouds: list[PlanScan] = []
+        self._seen: dict[tuple[int, int], float] = {}
         self._driven = self._turned = 0.0
 
     # --- writing ---------------------------------------------------------------------------------
@@ -123,13 +128,19 @@ class GrowingMap:
         odom, time = self._odometry.pose, self._odometry.time
         submap = self._cutter.cut(self._local_map, odom, time, self._moving)
         key = KeyPose(submap, self.correction.compose(odom), self._path)
+        self._grid.merge(key)
+        cells = np.argwhere(submap.evidence)[:, ::-1].astype(np.float64) * self._grid.cell
+        points = key.correction.points_to_parent(cells + submap.corner)
+        blocks = np.unique(points // _BLOCK, axis=0)
+        self._seen.update(((int(x), int(y)), time) for x, y in blocks)
+        if not self._close_loops:
+            return
         step = self.keys[-1].submap.key.relative(odom) if self.keys else None
         self.keys.append(key)
         self._graph.add(key.pose, step)
-        self._grid.merge(key)
         self._recent.forget(self._path - _NEAR)
         self.clouds.append(self._recent.cloud(odom, _KEPT) if len(self._recent) else _NO_SCAN)
-        if self._close_loops and len(self._recent):
+        if len(self._recent):
             near, far = (scans.cloud(odom, _POINTS) for scans in (self._recent, self._scans))
             relations = self.loops.observe(self.keys, near, far, self._grid.cell)
             if relations:
@@ -235,20 +246,12 @@ class GrowingMap:
         return GrownGrid(canvas.cells, canvas.origin, canvas.cell)
 
     def last_seen(self, x: float, y: float) -> float | None:
-        """Return the time [s] of the last submap around the point x, y [m, map]; None without."""
-        cell = 1.0 if self._grid is None else self._grid.cell
-        for key in reversed(self.keys):
-            at_x, at_y = key.correction.to_local(x, y)
-            column = round((at_x - key.submap.corner[0]) / cell)
-            row = round((at_y - key.submap.corner[1]) / cell)
-            rows, columns = key.submap.evidence.shape
-            if 0 <= row < rows and 0 <= column < columns and key.submap.evidence[row, column]:
-                return key.submap.time
-        return None
+        """Return the time [s] when ground around the point x, y [m, map] was seen last, if ever."""
+        return self._seen.get((int(x // _BLOCK), int(y // _BLOCK)))
 
     @property
     def drops(self) -> Array:
-        """Spots (n, 2) [m, map] whose floor is missing."""
+        """Spots (n, 2) [m, map] whose floor is missing, seen around the key poses that are kept."""
         spots = [key.correction.points_to_parent(key.submap.drops) for key in self.keys]
         return np.concatenate(spots) if spots else np.empty((0, 2))
 

@@ -1,7 +1,8 @@
-"""Maps out of a grown grid: the floor plan; places, doors and passages on its free ground."""
+"""Maps out of a grown grid: floor plan, places, doors and passages; a given map, corrected."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import cv2
@@ -9,15 +10,16 @@ import numpy as np
 
 from navfw.errors import InputError
 from navfw.localmap.cell_arrays import cell_disc, distances, small_spots
+from navfw.mapping.map_changes import ROOM, MapChange, centres_of, room_on
 from navfw.mapping.matching import plan_of
 from navfw.mapping.sharpening import sharpened
 from navfw.numerics import Array, Mask
 from navfw.signals import GrownGrid, Pose
-from navfw.signals.grown_grid import FREE_BELOW, Evidence
+from navfw.signals.grown_grid import FREE_BELOW, OCCUPIED_FROM, Evidence
 from navfw.topomap import Passage, Place, TopoMap
 from navfw.topomap.clearance_grid import ClearanceGrid
 from navfw.topomap.map_builder import MARGIN, build_map
-from navfw.topomap.occupancy_map import OccupancyMap
+from navfw.topomap.occupancy_map import FREE, OCCUPIED, OccupancyMap
 
 _SPECK = 0.06  # chosen
 """Area [m^2] of unseen ground amid free ground that counts as free: gaps between rays."""
@@ -33,6 +35,13 @@ _ROUGHNESS = 0.05  # measured
 
 _NEAR_DROP = 0.6  # chosen
 """Distance [m] from missing floor at which a passage is a danger."""
+
+_BESIDE = 1.0  # chosen
+"""Distance [m] up to which the places before and after a door move along with it."""
+_STEP = 0.7  # chosen
+"""Distance [m] of the places before and after a new opening from it."""
+_APART = 0.2  # chosen
+"""Distance [m] from what the plan shows occupied at which something seen occupied is new."""
 
 
 def cleaned_grid(grid: GrownGrid) -> GrownGrid:
@@ -106,7 +115,7 @@ def _with_dangers(topo_map: TopoMap, drops: Array) -> TopoMap:
         if projection.aside < _NEAR_DROP
     ]
     passages = [replace(p, danger=1.0) if p.ends in near else p for p in topo_map.passages]
-    return TopoMap(topo_map.name, topo_map.places.values(), passages)
+    return topo_map.replaced(passages=passages)
 
 
 def with_place(topo_map: TopoMap, name: str, pose: Pose, radius: float) -> TopoMap:
@@ -134,3 +143,68 @@ def with_place(topo_map: TopoMap, name: str, pose: Pose, radius: float) -> TopoM
         length, width = other.distance(*at), 2.0 * grid.along(at, (other.x, other.y))
         passages.append(Passage(name, other.name, max(length, 0.01), max(width, 0.05)))
     return topo_map.extended([place], passages)
+
+
+def corrected_map(
+    topo_map: TopoMap, grid: GrownGrid, changes: Sequence[MapChange], radius: float, name: str
+) -> TopoMap:
+    """Return the map ``name`` with the ``changes``, for a robot of ``radius`` [m].
+
+    What was seen of the floor is entered in its floor plan, if it has one. A new opening needs a
+    floor plan to be joined to the places on both sides.
+
+    Raises:
+        MapError: without its closed passages nothing is left of the map.
+
+    """
+    closed = {change.what for change in changes if change.kind == "closed"}
+    moved = {change.what: change for change in changes if change.kind == "moved"}
+    places = {place.name: place for place in topo_map.places.values()}
+    for door, change in moved.items():
+        around = [places[p.other(door)] for p in topo_map.passages_at(door)]
+        x, y = places[door].x, places[door].y
+        near = [p for p in around if p.kind != "door" and p.distance(x, y) <= _BESIDE]
+        for place in (places[door], *near):
+            places[place.name] = replace(
+                place, x=round(place.x + change.dx, 3), y=round(place.y + change.dy, 3)
+            )
+    kept = [p for p in topo_map.passages if str(p) not in closed and not closed & p.ends]
+    passages = [replace(p, length=max(p.length, _length(places, p))) for p in kept]
+    left = [place for place in places.values() if place.name not in closed]
+    plan = None if topo_map.floor_plan is None else _with_seen(topo_map.floor_plan, grid)
+    made = topo_map.replaced(name=name, places=left, passages=passages, floor_plan=plan)
+    if plan is None:
+        return made
+    number = 0
+    for change in changes:
+        if change.kind == "new" and change.dx**2 + change.dy**2 > 0.0:
+            number += 1
+            made = _with_opening(made, change, radius, f"opening-{number}")
+    return made
+
+
+def _length(places: dict[str, Place], passage: Passage) -> float:
+    end = places[passage.b]
+    return places[passage.a].distance(end.x, end.y)
+
+
+def _with_opening(topo_map: TopoMap, change: MapChange, radius: float, name: str) -> TopoMap:
+    """Return the map with the door ``name``, and the places before and after it."""
+    door = Place(name, round(change.x, 2), round(change.y, 2), "door")
+    sides = []
+    for side, sign in (("before", -1.0), ("after", 1.0)):
+        pose = Pose(change.x + sign * _STEP * change.dx, change.y + sign * _STEP * change.dy, 0.0)
+        topo_map = with_place(topo_map, f"{name}-{side}", pose, radius)
+        sides.append(topo_map.places[f"{name}-{side}"])
+    width = 2.0 * (radius + ROOM)
+    new = [Passage(p.name, name, door.distance(p.x, p.y), width, doorness=1.0) for p in sides]
+    return topo_map.extended([door], new)
+
+
+def _with_seen(plan: OccupancyMap, grid: GrownGrid) -> OccupancyMap:
+    """Return ``plan`` with what was seen: free ground, and things away from those of the plan."""
+    cells = plan.cells.copy()
+    seen = grid.evidence_at(centres_of(plan)).reshape(cells.shape) >= OCCUPIED_FROM
+    cells[room_on(plan, grid) >= ROOM] = FREE
+    cells[seen & (distances(plan.occupied, plan.resolution) >= _APART)] = OCCUPIED
+    return replace(plan, cells=cells, file=None)

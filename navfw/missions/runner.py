@@ -49,7 +49,7 @@ _STILL = 0.02
 _STALL_RADIUS = 0.3
 """A robot that stays within this distance [m] of one position makes no progress."""
 
-_MAX_FAULTS = 100
+MAX_FAULTS = 100
 """Largest number of kinds of plugin faults in a result."""
 
 
@@ -166,7 +166,7 @@ class MissionLoop:
     @property
     def faults(self) -> tuple[str, ...]:
         """Faults of plugins that the stack contained."""
-        return self.pilot.state.faults[:_MAX_FAULTS]
+        return self.pilot.state.faults[:MAX_FAULTS]
 
     @contextmanager
     def _contained(self) -> Iterator[None]:

@@ -33,7 +33,7 @@ from navfw.missions.run_metrics import (
     path_length,
     shortest_with_room,
 )
-from navfw.missions.runner import MissionLoop, Task
+from navfw.missions.runner import MAX_FAULTS, MissionLoop, Task
 from navfw.plugins.fault_injection import inject_faults
 from navfw.plugins.simulator_access import plugin_files, simulator_users
 from navfw.process import compile_kernels
@@ -275,7 +275,6 @@ class MissionResult(RunResult):
         start = mission.start.x, mission.start.y
         points = [start, *((goal.x, goal.y) for goal in mission.goals)]
         explored = _exploration(session, log, movers)
-        map_changes = () if explored is not None else _map_changes(session)
         metrics = measure(
             log,
             SceneGeometry(session.plan.bounds, permanent),
@@ -307,14 +306,14 @@ class MissionResult(RunResult):
             command_hash=log.command_hash,
             oracle=stack.resolved.settings.oracle or bool(oracles),
             oracle_plugins=oracles,
-            faults=drive.faults,
+            map_changes=() if explored is not None else _map_changes(session),
+            faults=tuple(map(str, stack.guard.faults))[:MAX_FAULTS],
             objections=tuple(
                 text for name, text in failed.items() if session.uninvited([f"{name}: "])
             ),
             notes=stack.state.notes,
             events=drive.events.log,
             exploration=explored,
-            map_changes=map_changes,
             session=session,
             verdict=verdict,
             log=log,

@@ -6,13 +6,24 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mapping_scenes import ROBOT, ROOM, ROUND, SIGHT, agreement, drive, inside, poses_along
+from mapping_scenes import (
+    ROBOT,
+    ROOM,
+    ROUND,
+    SIGHT,
+    agreement,
+    drive,
+    inside,
+    observe,
+    poses_along,
+)
 
 from navfw.localmap import LocalMap
 from navfw.mapping import GrowingMap
 from navfw.mapping.evidence_grid import EvidenceGrid, KeyPose
 from navfw.mapping.submaps import Submap
-from navfw.signals import GrownGrid, OccupiedDisc, Odometry, Pose, Twist
+from navfw.signals import Belief, GrownGrid, OccupiedDisc, Odometry, Pose, Twist
+from navfw.stack.map_growth import MapGrowth
 
 STARTS = st.builds(Pose, st.floats(-20, 20), st.floats(-20, 20), st.floats(-3.1, 3.1))
 STILL = Odometry(0.0, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), 0.0, still=True)
@@ -64,6 +75,40 @@ def test_a_wall_that_has_gone_is_free_when_it_is_seen_again() -> None:
     assert growing.grid.occupied[cell]
     drive(growing, ROOM, path, begin=100.0)
     assert growing.grid.free[cell]
+
+
+@pytest.mark.parametrize("close_loops", [True, False])
+def test_the_map_says_when_a_point_was_seen_last(close_loops: bool) -> None:
+    growing = GrowingMap(ROBOT, close_loops=close_loops)
+    assert growing.last_seen(2.0, 0.0) is None
+    path = list(poses_along(((0.0, 0.0), (1.4, 0.0), (0.0, 0.0))))
+    drive(growing, ROOM, path)
+    first = growing.last_seen(2.0, 0.0)
+    drive(growing, ROOM, path[-3:], begin=100.0)
+    growing.finish()
+    assert first is not None
+    assert 0.0 < first < 100.0 < (growing.last_seen(2.0, 0.0) or 0.0)
+    assert growing.last_seen(50.0, 0.0) is None
+    assert bool(growing.keys) == close_loops  # a localiser's poses are not corrected later
+
+
+@pytest.mark.parametrize("start", [Pose(0.0, 0.0, 0.0), None])
+def test_poses_of_a_localiser_that_jumps_are_not_used(start: Pose | None) -> None:
+    growth, local_map = MapGrowth(ROBOT, corrects=False), LocalMap(ROBOT)
+    growth.reset(start)
+    path = list(poses_along(((0.0, 0.0), (4.5, 0.0))))
+    for k, pose in enumerate(path):
+        odometry = replace(STILL, time=0.1 * k, pose=pose)
+        off = 7.0 if 20 <= k < 60 else 0.1
+        belief = Belief(odometry.time, Pose(pose.x, pose.y + off, 0.0), 1e-4 * np.eye(3))
+        local_map.occupancy.update(pose, odometry.time)
+        observe(local_map, ROOM, pose, pose)
+        growth.update(odometry, local_map, (), None, pose, belief)
+    growth.growing_map.finish()
+    seen = growth.growing_map.last_seen
+    assert (seen(-1.0, 0.1) is not None) == (start is not None)  # else all begins anew
+    assert seen(3.0, 7.0) is None
+    assert seen(5.0, 0.1) is not None
 
 
 def test_what_stands_under_a_moving_obstacle_is_left_out() -> None:

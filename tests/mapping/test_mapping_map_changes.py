@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -60,6 +62,18 @@ def test_doors_that_are_as_in_the_map_closed_or_moved(plan: bool) -> None:
     assert (moved[0].x, moved[0].y) == pytest.approx((4.0, 3.75), abs=0.06)
 
 
+def test_one_edge_shows_where_a_door_is_now() -> None:
+    for gap, moved in (((3.1, 4.0), True), ((2.55, 3.45), False)):
+        grid = seen(building(gap))
+        evidence = grid.log_odds.copy()
+        evidence[round((gap[0] + 0.7) / CELL) :] = 0  # the other edge was not seen
+        changes = changes_between(given(), replace(grid, log_odds=evidence))
+        assert [change.kind for change in changes] == ["moved"] * moved
+        for change in changes:
+            assert change.y == pytest.approx(3.55, abs=0.06)
+            assert change.certainty == pytest.approx(0.75, abs=0.02)
+
+
 def test_what_was_not_seen_is_not_reported() -> None:
     for cells in (building(), building((0.5, 1.4)), building((2.55, 3.45), table=False)):
         assert changes_between(given(), seen(cells, within=0.2)) == []
@@ -107,6 +121,24 @@ def test_ways_that_the_planner_found_replace_the_opening_they_lead_through() -> 
         ("new", "way from west to east"),
     ]
     assert changes[1].y == pytest.approx(0.95, abs=0.1)
+    mapped = ("way from west to east", [(3.0, 3.0), (5.0, 3.0)])
+    assert changes_between(given(), seen(building((2.55, 3.45))), [], [mapped]) == []
+    moved = changes_between(
+        given(), seen(building((3.3, 4.2))), [], [(mapped[0], [(3, 3.7), (5, 3.7)])]
+    )
+    assert [change.kind for change in moved] == ["moved"]
+
+
+@pytest.mark.parametrize(("free", "certain"), [(-12, None), (-20, 0.625), (-48, 1.0)])
+def test_an_opening_is_as_certain_as_what_was_seen_of_it(free: int, certain: float | None) -> None:
+    grid = seen(building((2.55, 3.45), (0.5, 1.4)))
+    evidence = np.where(grid.occupied, 96, free).astype(np.int8)
+    evidence[:, 84:] = 0  # seen from the west alone
+    changes = changes_between(given(), replace(grid, log_odds=evidence))
+    assert [(c.kind, c.what) for c in changes] == [("new", "an opening")] * (certain is not None)
+    for change in changes:
+        assert change.certainty == pytest.approx(certain)
+        assert change.detail == "0.9 m wide"
 
 
 def test_maps_that_share_nothing_are_compared_by_plan_or_refused() -> None:
