@@ -8,13 +8,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from navfw.cli.bags import replay_bag
-from navfw.cli.options import Json, Robot, Stack, Topic, VariantA, VariantB, Video
+from navfw.cli.options import (
+    Json,
+    Robot,
+    Topic,
+    VariantA,
+    VariantB,
+    Video,
+    complete_setting,
+)
 from navfw.cli.output import echo, print_json, print_result, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.config.input_file import is_file
@@ -57,7 +66,22 @@ def replay(
     ] = None,
     goal: _Goals = None,
     start: _Start = None,
-    stack: Stack = "default",
+    stack: Annotated[
+        str | None, typer.Option(help="Another stack, by name or file [default: the run's].")
+    ] = None,
+    overrides: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            autocompletion=complete_setting,
+            metavar="K=V",
+            help="Change one value, e.g. avoid.spare=0.1. May be repeated.",
+        ),
+    ] = None,
+    rules: Annotated[
+        list[Path] | None,
+        typer.Option(help="File of rules in place of those of its name. May be repeated."),
+    ] = None,
     topic: Topic = None,
     out: Annotated[
         Path | None, typer.Option(help="Of a bag: run folder [default: runs/BAG-replay].")
@@ -68,15 +92,19 @@ def replay(
 ) -> None:
     """Run the stack on recorded readings. Exit with 1 if the commands differ.
 
-    Of a bag, it says what it would have commanded, and leaves a run folder.
+    With --set, --stack or --rules: what a changed stack would have commanded. Of a bag, it says
+    what it would have commanded, and leaves a run folder.
     """
     if video is not None:
         from navfw.recording.video_output import check_video
 
         check_video(video, VIDEO)
     if is_bag(folder):
+        if overrides or rules:
+            raise typer.BadParameter("is for a run folder", param_hint="--set, --rules")
         on_map = map_name, goal, start
-        target = replay_bag(folder, topic, robot, stack, on_map, out, json=json, quiet=quiet)
+        driver = stack or "default"
+        target = replay_bag(folder, topic, robot, driver, on_map, out, json=json, quiet=quiet)
         if video is not None:
             write_video(target, video, quiet=json or quiet)
         return
@@ -84,6 +112,13 @@ def replay(
     for option, value in {**of_bag, "--topic": topic, "--out": out}.items():
         if value:
             raise typer.BadParameter("is for a bag", param_hint=option)
+    if overrides or rules or stack is not None:
+        with quiet_stdout():
+            from navfw.recording.what_if import what_if, what_if_lines
+
+            changed = what_if(folder, overrides or (), stack, rules or ())
+        print_result(asdict(changed), what_if_lines(changed), json=json)
+        return
     _replay_run(folder, video, json=json)
 
 

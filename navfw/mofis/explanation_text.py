@@ -2,8 +2,22 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any
+
+_NOTHING = re.compile(r"THEN \w+ IS (no|none)(, \w+ IS (no|none))*$")  # defined
+"""Consequences that are nothing."""
+
+
+def asks_for_nothing(rule: str) -> bool:
+    """Return whether a rule's consequences are all "no" or "none", so that it is no reason.
+
+    >>> asks_for_nothing("IF reserve IS ample THEN prohibit IS no, desire IS none")
+    True
+    """
+    return _NOTHING.search(rule) is not None
+
 
 _OTHERS = 3  # chosen
 """Number of other places to head for that an explanation lists."""

@@ -6,7 +6,7 @@ and stack file.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -156,7 +156,7 @@ def replay(folder: str | Path) -> ReplayResult:
         InputError: the folder is not that of a run with ``--record``, or is damaged.
 
     """
-    stack, recording, faults = _started(Path(folder))
+    stack, recording, faults = recorded_stack(Path(folder))
     return replay_by(stack.step, recording, faults.update)
 
 
@@ -170,7 +170,7 @@ def repeat_until(folder: str | Path, time: float) -> tuple[dict[str, Any], float
         InputError: the folder is not that of a run with ``--record``, or is damaged.
 
     """
-    stack, recording, faults = _started(Path(folder))
+    stack, recording, faults = recorded_stack(Path(folder))
     for reading in recording.readings:
         if reading.time > time + 1e-9:
             break
@@ -183,8 +183,18 @@ def repeat_until(folder: str | Path, time: float) -> tuple[dict[str, Any], float
     return explanation, last
 
 
-def _started(folder: Path) -> tuple[Stack, SensorRecording, _FaultReplay]:
-    """The stack of a recorded run at its start, the readings, and the faults to repeat."""
+def recorded_stack(
+    folder: Path, other: str | None = None, overrides: Sequence[str] = ()
+) -> tuple[Stack, SensorRecording, FaultReplay]:
+    """The stack of a recorded run at its start, the readings, and the faults to repeat.
+
+    ``other`` is the name or file of a stack in its place; ``overrides`` change single values.
+
+    Raises:
+        InputError: the folder is not that of a run with ``--record``, or is damaged; the stack or
+            an override is none.
+
+    """
     from navfw.plugins import default_registry
     from navfw.stack import ShadowStack, Stack
     from navfw.topomap import load_map
@@ -197,12 +207,13 @@ def _started(folder: Path) -> tuple[Stack, SensorRecording, _FaultReplay]:
     recording = load_recording(file)
     _check_images(recording, mission.robot.camera, file)
     stack = (ShadowStack if mission.shadow else Stack).load(
-        folder / "stack.yaml",
+        folder / "stack.yaml" if other is None else other,
         mission.robot,
         load_map(folder / "map.yaml", check_landmark_kind),
         default_registry(),
+        overrides,
     )
-    faults = _FaultReplay(folder, stack)
+    faults = FaultReplay(folder, stack)
     tolerance = mission.tolerance
     goals = [Waypoint.goal(goal.x, goal.y, tolerance, goal.place) for goal in mission.goals]
     stack.start(Pose(*mission.start) if mission.start_known else None, goals)
@@ -222,7 +233,7 @@ def _check_images(recording: SensorRecording, camera: CameraModel, file: Path) -
             )
 
 
-class _FaultReplay:
+class FaultReplay:
     """Repeats the faults of behaviours that were injected during the run."""
 
     def __init__(self, folder: Path, stack: Stack) -> None:

@@ -8,7 +8,6 @@ its strongest rule, and how far that rule was fulfilled.
 from __future__ import annotations
 
 import math
-import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ from typing import Any
 from navfw.config.input_file import is_file
 from navfw.errors import InputError
 from navfw.features.landmark_appearance import check_landmark_kind
+from navfw.mofis.explanation_text import asks_for_nothing
 from navfw.recording import channel_list as topics
 from navfw.recording.recorded_run import RecordedRun, located_damage, open_run
 from navfw.recording.run_folder import MAP, RESULT, read_result
@@ -55,9 +55,6 @@ _AT, _NEAR = 0.6, 2.5
 
 _GOALS = 5
 """Largest number of goals that are named."""
-
-_NOTHING = re.compile(r"THEN \w+ IS (no|none)(, \w+ IS (no|none))*$")
-"""Rules that ask for nothing are no reason."""
 
 _GIVES_WAY, _ASIDE = ("give_way",), ("avoid",)
 """Behaviours that lead while the robot gives way, and while it turns aside."""
@@ -276,7 +273,7 @@ def _reason(part: Sequence[_Decision], *, slower: bool = False) -> str:
     best = 0.0
     for one in part:
         for fired in one.rules.get("behaviors", {}).get(name, {}).get("rules", ()):
-            says = not _NOTHING.search(fired["rule"]) and (not said or fired["rule"] == rule)
+            says = not asks_for_nothing(fired["rule"]) and (not said or fired["rule"] == rule)
             if says and fired["strength"] > best:
                 best, rule = float(fired["strength"]), str(fired["rule"])
     reason = _most(one.said["reason"] for one in part if one.said["leader"] == name)

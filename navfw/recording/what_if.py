@@ -1,0 +1,306 @@
+"""What if: a changed stack is run on the recorded readings, and its commands are compared.
+
+The images are those of the path that was driven. How long they show what the changed stack would
+have seen is found by integrating both series of commands from the first difference on.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from navfw.errors import InputError, UnknownNameError
+from navfw.mofis.explanation_text import asks_for_nothing
+from navfw.mofis.rules import BehaviorRules, RuledBehavior, RuledComposite
+from navfw.numerics import Array, Mask
+from navfw.recording import channel_list as topics
+from navfw.recording.recorded_run import RecordedRun
+from navfw.recording.run_folder import recording_in
+from navfw.recording.run_replay import recorded_stack
+from navfw.signals import Pose
+from navfw.stack import Stack
+
+_PAUSE = 0.5
+"""Time [s] between two differences up to which they are one."""
+
+_OTHER = np.array([0.01, 0.02])
+"""Differences of v [m/s] and w [rad/s] from which a command is another one."""
+
+_LISTED = 20
+"""Largest number of differences that are printed, the longest ones."""
+
+_REASONS = 3
+"""Largest number of reasons that are printed."""
+
+_MIN_CHANGE = 0.005
+"""Least change of a rule's strength, or of a weight, that is a reason."""
+
+
+@dataclass(frozen=True, slots=True)
+class OtherCommands:
+    """Commands that differ from ``time`` to ``until`` [s], where they differ the most.
+
+    ``recorded`` and ``changed`` are v [m/s] and w [rad/s] there, ``why`` is the behaviour and the
+    rule whose strength has changed the most by the first of these decisions.
+    """
+
+    time: float
+    until: float
+    recorded: tuple[float, float]
+    changed: tuple[float, float]
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class OtherVeto:
+    """The safety monitor held one of the two robots from ``time`` to ``until`` [s]."""
+
+    time: float
+    until: float
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class WhatIf:
+    """What the changed stack commands on the readings of a run.
+
+    ``first`` [s] is when its first other command comes, None without any; ``share`` in [0, 1] that
+    of the ticks with other commands. ``reasons`` are the rules and weights that changed the most at
+    these decisions, with their share of them, the most frequent first. From ``apart`` [s] on both
+    paths are farther apart than the robot's ``radius`` [m]: from then on the images are not those
+    that it would have seen.
+    """
+
+    first: float | None
+    share: float
+    duration: float
+    apart: float | None
+    radius: float
+    differences: tuple[OtherCommands, ...]
+    reasons: tuple[tuple[str, float], ...]
+    vetoes_new: tuple[OtherVeto, ...]
+    vetoes_gone: tuple[OtherVeto, ...]
+
+
+def what_if(
+    folder: Path,
+    overrides: Sequence[str] = (),
+    stack: str | None = None,
+    rules: Sequence[Path] = (),
+) -> WhatIf:
+    """Run the stack of a recorded run, changed, on its readings.
+
+    ``overrides`` are as of ``navfw run --set``; ``stack`` is another one, by name or file; each
+    file of ``rules`` replaces the rule base of its name.
+
+    Raises:
+        InputError: the folder is not that of a run with ``--record``, or is damaged; there is no
+            such stack, plugin, parameter or rule base.
+
+    """
+    changed, recording, faults = recorded_stack(folder, stack, overrides)
+    for file in rules:
+        replace_rules(changed, file)
+    recorded = _recorded(RecordedRun(recording_in(folder)))
+    twists = np.zeros((len(recording), 2))
+    held: list[str] = []
+    reasons: dict[float, _Reason] = {}
+    for index, reading in enumerate(recording.readings):
+        faults.update(reading.time)
+        twist = changed.step(reading)
+        twists[index] = twist.v, twist.w
+        held.append(changed.state.veto)
+        differs = (np.abs(twists[index] - recording.commands[index]) >= _OTHER).any()
+        if differs and reading.frame is not None:
+            before = recorded.get(topics.nanoseconds(reading.time), {})
+            reason = _reason(before, changed.explain(inference=False))
+            if reason is not None:
+                reasons[reading.time] = reason
+    times = recording.times
+    differ: Mask = np.asarray((np.abs(twists - recording.commands) >= _OTHER).any(axis=1))
+    first = float(times[differ.argmax()]) if differ.any() else None
+    spans = list(_spans(times, differ))
+    radius = changed.robot.radius
+    held_before = _held_at(times, recorded)
+    return WhatIf(
+        first=first,
+        share=float(differ.mean()) if len(differ) else 0.0,
+        duration=float(times[-1]) if len(times) else 0.0,
+        apart=_apart(times, recording.commands, twists, radius),
+        radius=radius,
+        differences=tuple(
+            _difference(times, recording.commands, twists, span, reasons) for span in spans
+        ),
+        reasons=tuple(
+            (text, count / len(reasons))
+            for text, count in Counter(one.what for one in reasons.values()).most_common()
+        ),
+        vetoes_new=tuple(_vetoes(times, held, held_before)),
+        vetoes_gone=tuple(_vetoes(times, held_before, held)),
+    )
+
+
+def replace_rules(stack: Stack, file: Path) -> None:
+    """Give the behaviour or composite of ``stack`` whose rule base has that name those in ``file``.
+
+    Raises:
+        InputError: no rule base of the stack has that name, or it has other inputs or outputs.
+
+    """
+    rules = BehaviorRules(file)
+    plugins = [*stack.mofis.behaviors.values(), stack.mofis.composite]
+    ruled = {
+        plugin.rules.base.name: plugin
+        for plugin in plugins
+        if isinstance(plugin, RuledBehavior | RuledComposite)
+    }
+    name = rules.base.name
+    if name not in ruled:
+        raise UnknownNameError("rule base of the stack", name, ruled, file=file, key="name")
+    now = ruled[name].rules.base
+    for kind, given, expected in (
+        ("inputs", rules.base.inputs, now.inputs),
+        ("outputs", rules.base.outputs, now.outputs),
+    ):
+        if set(given) != set(expected):
+            names = ", ".join(expected)
+            raise InputError(f"expected {names}; got {', '.join(given)}", file=file, key=kind)
+    ruled[name].rules = rules
+
+
+# --- comparing -----------------------------------------------------------------------------------
+
+
+def _recorded(run: RecordedRun) -> dict[int, dict[str, Any]]:
+    """What was recorded of each decision, by its time [ns]: rules, and why it was held."""
+    found: dict[int, dict[str, Any]] = {}
+    for message in run.messages(topics.COMMAND, topics.RULES):
+        at = found.setdefault(topics.nanoseconds(message.time), {})
+        if message.topic == topics.RULES:
+            at |= message.content
+        else:
+            at["held"] = message.content.get("held", "")
+    return found
+
+
+def _held_at(times: Array, recorded: Mapping[int, Mapping[str, Any]]) -> list[str]:
+    """Why the recorded robot was held, at each of ``times`` [s]."""
+    held, last = [], ""
+    for time in times.tolist():
+        at = recorded.get(topics.nanoseconds(time))
+        last = last if at is None else str(at.get("held", last))
+        held.append(last)
+    return held
+
+
+def _spans(times: Array, flags: Mask) -> Iterator[tuple[int, int]]:
+    """First and last index of each run of true ``flags``, over short pauses."""
+    at = np.flatnonzero(flags)
+    if not len(at):
+        return
+    breaks = np.flatnonzero(np.diff(times[at]) > _PAUSE) + 1
+    for part in np.split(at, breaks):
+        yield int(part[0]), int(part[-1])
+
+
+def _difference(
+    times: Array,
+    recorded: Array,
+    changed: Array,
+    span: tuple[int, int],
+    reasons: Mapping[float, _Reason],
+) -> OtherCommands:
+    first, last = span
+    part = slice(first, last + 1)
+    scale = np.maximum(np.abs(recorded).max(axis=0), 1e-6)
+    most = first + int((np.abs(changed[part] - recorded[part]) / scale).sum(axis=1).argmax())
+    begin, end = float(times[first]), float(times[last])
+    why = next((str(one) for time, one in reasons.items() if begin <= time <= end), "")
+    v, w = recorded[most].tolist()
+    other_v, other_w = changed[most].tolist()
+    return OtherCommands(begin, end, (v, w), (other_v, other_w), why)
+
+
+@dataclass(frozen=True, slots=True)
+class _Reason:
+    """A rule whose strength, or a behaviour whose weight, has changed from ``was`` to ``now``."""
+
+    what: str
+    was: float
+    now: float
+
+    def __str__(self) -> str:
+        return f"{self.what} ({self.was:.2f} -> {self.now:.2f})"
+
+
+def _reason(before: Mapping[str, Any], now: Mapping[str, Any]) -> _Reason | None:
+    """What differs the most between two explanations; None if next to nothing does."""
+    changes: list[_Reason] = []
+    for name in {**before.get("behaviors", {}), **now.get("behaviors", {})}:
+        pair = [one.get("behaviors", {}).get(name, {}) for one in (before, now)]
+        old, new = ({r["rule"]: r["strength"] for r in one.get("rules", ())} for one in pair)
+        for rule in {**old, **new}:
+            if asks_for_nothing(rule):
+                continue
+            changes.append(_Reason(f"{name}: {rule}", old.get(rule, 0.0), new.get(rule, 0.0)))
+        changes.append(_Reason(f"{name}: weight", *(one.get("weight", 0.0) for one in pair)))
+    most = max(changes, key=lambda one: abs(one.now - one.was), default=None)
+    return most if most is not None and abs(most.now - most.was) >= _MIN_CHANGE else None
+
+
+def _vetoes(times: Array, held: Sequence[str], other: Sequence[str]) -> Iterator[OtherVeto]:
+    """Where one robot is ``held``, and the ``other`` at no time of that."""
+    flags = np.array([bool(reason) for reason in held], dtype=np.bool_)
+    for first, last in _spans(times, flags):
+        if not any(other[first : last + 1]):
+            yield OtherVeto(float(times[first]), float(times[last]), held[first])
+
+
+def _apart(times: Array, recorded: Array, changed: Array, radius: float) -> float | None:
+    """When two robots that start together and obey these commands are ``radius`` [m] apart."""
+    poses = [Pose(0.0, 0.0, 0.0), Pose(0.0, 0.0, 0.0)]
+    for index, (begin, end) in enumerate(pairwise(times.tolist())):
+        for which, commands in enumerate((recorded, changed)):
+            v, w = commands[index].tolist()
+            turn, length = w * (end - begin), v * (end - begin)
+            step = Pose(length * math.cos(0.5 * turn), length * math.sin(0.5 * turn), turn)
+            poses[which] = poses[which].compose(step)
+        one, other = poses
+        if math.dist((one.x, one.y), (other.x, other.y)) > radius:
+            return float(end)
+    return None
+
+
+def what_if_lines(result: WhatIf) -> list[str]:
+    """Format ``result`` as lines of text."""
+    if result.first is None:
+        return [f"the same commands in all {result.duration:.1f} s"]
+    share = f"{100.0 * result.share:.0f} % of {result.duration:.1f} s"
+    lines = [f"first other command at {result.first:.1f} s, other commands in {share}"]
+    lines += [
+        f"  {share:4.0%} by {what}" for what, share in result.reasons[:_REASONS] if share >= 0.05
+    ]
+    longest = sorted(result.differences, key=lambda one: one.time - one.until)[:_LISTED]
+    for one in sorted(longest, key=lambda one: one.time):
+        (v, w), (other_v, other_w) = one.recorded, one.changed
+        commands = f"{v:+.2f} m/s, {w:+.2f} rad/s -> {other_v:+.2f} m/s, {other_w:+.2f} rad/s"
+        why = f"; {one.why}" if one.why else ""
+        lines.append(f"{one.time:7.1f} to {one.until:.1f} s  {commands}{why}")
+    if len(result.differences) > _LISTED:
+        lines.append(f"{len(result.differences) - _LISTED} shorter ones")
+    for kind, vetoes in (("new", result.vetoes_new), ("gone", result.vetoes_gone)):
+        lines += [
+            f"{veto.time:7.1f} to {veto.until:.1f} s  veto {kind}: {veto.reason}" for veto in vetoes
+        ]
+    near = f"{result.radius:.2f} m"
+    if result.apart is None:
+        return [*lines, f"the paths stay within {near}: it would have seen about these images"]
+    when = f"from {result.apart:.1f} s on the paths would be more than {near} apart"
+    return [*lines, f"{when}: the images are those of the recorded path, not of its own"]
