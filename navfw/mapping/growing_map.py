@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
 from navfw.localization.plan_field import PlanScan, ScanMemory, scan_of
 from navfw.localmap import LocalMap
@@ -41,8 +42,8 @@ _NO_SCAN = PlanScan(np.empty((0, 2)), np.empty(0), np.empty((0, 2)))  # defined
 _UNRELATED = 100.0  # chosen
 """Path [m] between two maps that are joined: nothing is known of the way between them."""
 
-_BLOCK = 0.4  # chosen
-"""Side [m] of the blocks of ground for which it is kept when they were seen last."""
+_BLOCK = 32  # chosen
+"""Cells a side of the blocks in which it is kept when each was seen last."""
 
 _SETTLED = 0.02  # chosen
 """Distance [m], or turn [rad] by 1 m, that no key pose may have moved for the grid to stay."""
@@ -80,7 +81,7 @@ class GrowingMap:
         self._local_map: LocalMap | None = None
         self._moving: Sequence[OccupiedDisc] = ()
         self.clouds: list[PlanScan] = []
-        self._seen: dict[tuple[int, int], float] = {}
+        self._seen: dict[tuple[int, ...], npt.NDArray[np.float32]] = {}
         self._driven = self._turned = 0.0
 
     # --- writing ---------------------------------------------------------------------------------
@@ -129,10 +130,7 @@ class GrowingMap:
         submap = self._cutter.cut(self._local_map, odom, time, self._moving)
         key = KeyPose(submap, self.correction.compose(odom), self._path)
         self._grid.merge(key)
-        cells = np.argwhere(submap.evidence)[:, ::-1].astype(np.float64) * self._grid.cell
-        points = key.correction.points_to_parent(cells + submap.corner)
-        blocks = np.unique(points // _BLOCK, axis=0)
-        self._seen.update(((int(x), int(y)), time) for x, y in blocks)
+        self._note_time(key, self._grid.cell)
         if not self._close_loops:
             return
         step = self.keys[-1].submap.key.relative(odom) if self.keys else None
@@ -151,6 +149,17 @@ class GrowingMap:
         """Add the last key pose; what the local map observes from now on is not of this map."""
         self.finish()
         self._local_map = None
+
+    def _note_time(self, key: KeyPose, cell: float) -> None:
+        """Keep when the cells of the submap of ``key`` were seen."""
+        canvas = EvidenceGrid(cell)
+        canvas.merge(key)
+        cells = np.argwhere(canvas.cells) + np.rint(np.array(canvas.origin[::-1]) / cell)
+        unseen = np.full((_BLOCK, _BLOCK), np.nan, np.float32)
+        for block in np.unique(cells // _BLOCK, axis=0):
+            times = self._seen.setdefault(tuple(block.tolist()), unseen.copy())
+            rows, columns = (cells[(cells // _BLOCK == block).all(axis=1)] % _BLOCK).T.astype(int)
+            times[rows, columns] = key.submap.time
 
     def _remember(self, percept: Percept, seen_from: Pose) -> None:
         """Keep the points of ``percept`` that are exact, if the last ones are far enough behind."""
@@ -247,7 +256,11 @@ class GrowingMap:
 
     def last_seen(self, x: float, y: float) -> float | None:
         """Return the time [s] when ground around the point x, y [m, map] was seen last, if ever."""
-        return self._seen.get((int(x // _BLOCK), int(y // _BLOCK)))
+        cell = 1.0 if self._grid is None else self._grid.cell
+        row, column = round(y / cell), round(x / cell)
+        times = self._seen.get((row // _BLOCK, column // _BLOCK))
+        time = math.nan if times is None else float(times[row % _BLOCK, column % _BLOCK])
+        return None if math.isnan(time) else round(time, 2)
 
     @property
     def drops(self) -> Array:
