@@ -33,6 +33,15 @@ def explain(
         float,
         typer.Option("--to", show_default=False, help="Of the story: up to this time [s]."),
     ] = math.inf,
+    instead: Annotated[
+        str | None,
+        typer.Option(
+            "--why-not",
+            metavar="left|right|faster|slower|stop|V,W",
+            help="With --at: what was against another command, and the smallest change that would"
+            " have given it.",
+        ),
+    ] = None,
     inference: Annotated[
         bool,
         typer.Option(
@@ -43,13 +52,21 @@ def explain(
     json: Json = False,
 ) -> None:
     """Tell the story of a drive, or explain its command at one moment, rule by rule."""
+    of_moment = {"--inference": inference, "--why-not": instead is not None}
     of_story = {"--from": begin > 0.0, "--to": end < math.inf}
-    for option, is_set in (of_story if at is not None else {"--inference": inference}).items():
+    for option, is_set in (of_story if at is not None else of_moment).items():
         if is_set:
-            other = "cannot be given with --at" if at is not None else "needs --at and --json"
+            other = "cannot be given with --at" if at is not None else "needs --at"
             raise typer.BadParameter(other, param_hint=option)
     if at is None:
         _tell(folder, begin, end, json=json)
+        return
+    if instead is not None:
+        with quiet_stdout():
+            from navfw.recording.why_not import moment_at, why_not, why_not_lines
+
+            answer = why_not(moment_at(folder, at), instead)
+        print_result(asdict(answer), why_not_lines(answer), json=json)
         return
     if inference and not json:
         raise typer.BadParameter("needs --at and --json", param_hint="--inference")

@@ -1,0 +1,126 @@
+"""Why not: the decision is made again, and the changes that are told do turn it."""
+
+import json
+from pathlib import Path
+
+import pytest
+from cli_calls import invoke, refusal
+
+from navfw.errors import InputError
+from navfw.missions import prepare
+from navfw.missions.run_report import write_run
+from navfw.recording import RunFolder
+from navfw.recording.explanations import explain_at
+from navfw.recording.why_not import (
+    DIRECTIONS,
+    Change,
+    DecisionMoment,
+    WhyNot,
+    _least,
+    _predicate,
+    _Shift,
+    moment_at,
+    why_not,
+    why_not_lines,
+)
+
+TIMES = (1.5, 2.4, 3.3, 4.8, 5.6)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    session = prepare("paper-room", "through-the-door", seed=3, overrides=["mission.timeout=6"])
+    with RunFolder(tmp_path_factory.mktemp("why-not") / "run") as target:
+        write_run(session.run(record=True), target)
+    assert target.final is not None
+    return target.final
+
+
+@pytest.fixture(scope="module")
+def moments(folder: Path) -> dict[float, DecisionMoment]:
+    return {time: moment_at(folder, time) for time in TIMES}
+
+
+def answers(moment: DecisionMoment) -> list[tuple[str, WhyNot]]:
+    """The answers of all directions that were not commanded."""
+    found = []
+    for wanted in DIRECTIONS:
+        try:
+            found.append((wanted, why_not(moment, wanted)))
+        except InputError as error:
+            assert "was that" in str(error) or "no command of the robot's" in str(error)
+    return found
+
+
+def shift(change: Change, share: float = 1.0) -> _Shift:
+    if change.name == "weight":
+        factor = change.after / change.before
+        return _Shift(change.behavior, "", 1.0 + share * (factor - 1.0))
+    return _Shift(change.behavior, change.name, share * (change.after - change.before))
+
+
+@pytest.mark.parametrize("time", TIMES)
+def test_the_decision_is_made_again_as_it_was(
+    folder: Path, moments: dict[float, DecisionMoment], time: float
+) -> None:
+    recorded, (command, proposals) = explain_at(folder, time), moments[time].decide()
+    assert (command.twist.v, command.twist.w) == (recorded["v"], recorded["w"])
+    assert command.leader == recorded["leader"]
+    assert set(proposals) == set(recorded["behaviors"])
+    again, _ = moments[time].decide()
+    assert again.twist == command.twist
+
+
+@pytest.mark.parametrize("time", TIMES)
+def test_each_change_turns_the_decision_and_half_of_it_does_not(
+    moments: dict[float, DecisionMoment], time: float
+) -> None:
+    moment = moments[time]
+    given = moment.decide()[0].twist
+    told = answers(moment)
+    assert len(told) >= 3
+    for wanted, answer in told:
+        turned = _predicate(wanted, given, moment)
+        assert answer.changes or answer.pair or "no change" in why_not_lines(answer)[-1]
+        for change in answer.changes:
+            assert turned(moment.decide([shift(change)])[0].twist), (wanted, change)
+            assert not turned(moment.decide([shift(change, 0.5)])[0].twist), (wanted, change)
+        if answer.pair:
+            both = [shift(change) for change in answer.pair]
+            assert turned(moment.decide(both)[0].twist), (wanted, answer.pair)
+        sizes = [change.size for change in answer.changes]
+        assert sizes == sorted(sizes)
+
+
+def test_who_was_against_it_is_told_with_rules(moments: dict[float, DecisionMoment]) -> None:
+    answer = why_not(moments[4.8], "stop")
+    assert answer.ratings[1] < answer.ratings[0] <= 1.0
+    assert answer.against[0].loss > 0.05
+    assert answer.against[0].rules[0].startswith("IF ")
+    assert abs(answer.wanted[0]) < 0.03
+
+
+def test_what_cannot_be_asked_is_refused(moments: dict[float, DecisionMoment]) -> None:
+    for wanted, said in (("up", "expected left, right"), ("9,0", "at most 1.2 rad/s; got 9,0")):
+        with pytest.raises(InputError, match=said):
+            why_not(moments[4.8], wanted)
+    given = moments[4.8].decide()[0].twist
+    with pytest.raises(InputError, match="the command was that"):
+        why_not(moments[4.8], f"{given.v:.3f},{given.w:.3f}")
+
+
+def test_the_command_prints_text_or_one_object(folder: Path) -> None:
+    printed = invoke("explain", folder, "--at", 4.8, "--why-not", "stop").stdout
+    assert printed.startswith("at 4.")
+    assert " was against it: " in printed
+    data = json.loads(invoke("explain", folder, "--at", 4.8, "--why-not", "stop", "--json").stdout)
+    assert set(data) >= {"given", "wanted", "ratings", "against", "changes", "pair"}
+    assert "needs --at" in refusal("explain", folder, "--why-not", "stop")
+    assert "no command was in force" in refusal("explain", folder, "--at", 99, "--why-not", "left")
+
+
+def test_the_least_amount_is_found_also_where_more_does_not_suffice() -> None:
+    assert _least(lambda a: a >= 0.3, [0.1, 0.2, 0.4, 0.8]) == pytest.approx(0.3, abs=0.01)
+    assert _least(lambda a: 0.3 <= a < 0.35, [0.1, 0.2, 0.33, 0.8]) == pytest.approx(0.3, abs=0.01)
+    assert _least(lambda a: a > 1.0, [0.1, 1.0]) is None
+    assert _least(lambda f: f <= 0.4, [0.9, 0.5, 0.25], 1.0) == pytest.approx(0.4, abs=0.01)
