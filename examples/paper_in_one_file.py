@@ -188,8 +188,8 @@ def report(layer, names, distances):
 def offis(past, now, moved, turn, speed):
     """Interpret two images; ``moved`` (ahead, left) [m] in present axes, ``turn`` left [rad]."""
     past = np.pad(derotate(past, turn), SEARCH, constant_values=np.nan)
-    found = [match(past, now, r, c) for r, c in np.ndindex(ROWS, COLS)]
-    u, v, reliable = np.array(found).T.reshape(3, ROWS, COLS)
+    matches = [match(past, now, r, c) for r, c in np.ndindex(ROWS, COLS)]
+    u, v, reliable = np.array(matches).T.reshape(3, ROWS, COLS)
     ahead = moved[0] + CAMERA_AHEAD * (1.0 - np.cos(turn))
     aside = moved[1] + CAMERA_AHEAD * np.sin(turn)
     expected = np.hypot(X * ahead + FOCAL * aside, Y * ahead)  # flow of a point 1 m away [px]

@@ -14,41 +14,43 @@ from navfw.cli.options import Json, Recorded
 from navfw.cli.output import echo, print_json, print_result, quiet_stdout
 from navfw.config.lookup import plugin_files, shipped_folder
 
+_At = Annotated[
+    float | None,
+    typer.Option(help="Time since the start of the run [s]; without, the story of the drive."),
+]
+_From = Annotated[
+    float,
+    typer.Option(
+        "--from", show_default=False, help="Of the story: tell in detail from this time on [s]."
+    ),
+]
+_To = Annotated[
+    float, typer.Option("--to", show_default=False, help="Of the story: up to this time [s].")
+]
+_Instead = Annotated[
+    str | None,
+    typer.Option(
+        "--why-not",
+        metavar="left|right|faster|slower|stop|V,W",
+        help="With --at: what was against another command, and the smallest change that would have"
+        " given it.",
+    ),
+]
+_Inference = Annotated[
+    bool,
+    typer.Option(
+        "--inference", help="With --at and --json: how OFFIS came to its sentence; repeats the run."
+    ),
+]
+
 
 def explain(
     folder: Recorded,
-    at: Annotated[
-        float | None,
-        typer.Option(
-            "--at", help="Time since the start of the run [s]; without, the story of the drive."
-        ),
-    ] = None,
-    begin: Annotated[
-        float,
-        typer.Option(
-            "--from", show_default=False, help="Of the story: tell in detail from this time on [s]."
-        ),
-    ] = 0.0,
-    end: Annotated[
-        float,
-        typer.Option("--to", show_default=False, help="Of the story: up to this time [s]."),
-    ] = math.inf,
-    instead: Annotated[
-        str | None,
-        typer.Option(
-            "--why-not",
-            metavar="left|right|faster|slower|stop|V,W",
-            help="With --at: what was against another command, and the smallest change that would"
-            " have given it.",
-        ),
-    ] = None,
-    inference: Annotated[
-        bool,
-        typer.Option(
-            "--inference",
-            help="With --at and --json: how OFFIS came to its sentence; repeats the run.",
-        ),
-    ] = False,
+    at: _At = None,
+    begin: _From = 0.0,
+    end: _To = math.inf,
+    instead: _Instead = None,
+    inference: _Inference = False,
     json: Json = False,
 ) -> None:
     """Tell the story of a drive, or explain its command at one moment, rule by rule."""
@@ -60,14 +62,19 @@ def explain(
             raise typer.BadParameter(other, param_hint=option)
     if at is None:
         _tell(folder, begin, end, json=json)
-        return
-    if instead is not None:
+    elif instead is None:
+        _explain_at(folder, at, inference, json=json)
+    else:
         with quiet_stdout():
-            from navfw.recording.why_not import moment_at, why_not, why_not_lines
+            from navfw.recording.decision_moment import moment_at
+            from navfw.recording.why_not import why_not, why_not_lines
 
             answer = why_not(moment_at(folder, at), instead)
         print_result(asdict(answer), why_not_lines(answer), json=json)
-        return
+
+
+def _explain_at(folder: Path, at: float, inference: bool, *, json: bool) -> None:
+    """Print why the command at a moment was given."""
     if inference and not json:
         raise typer.BadParameter("needs --at and --json", param_hint="--inference")
     with quiet_stdout():

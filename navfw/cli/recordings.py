@@ -50,6 +50,24 @@ _Start = Annotated[
 ]
 
 
+_OtherStack = Annotated[
+    str | None, typer.Option(help="Another stack, by name or file [default: the run's].")
+]
+_Overrides = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        autocompletion=complete_setting,
+        metavar="K=V",
+        help="Change one value, e.g. avoid.spare=0.1. May be repeated.",
+    ),
+]
+_Rules = Annotated[
+    list[Path] | None,
+    typer.Option(help="File of rules in place of those of its name. May be repeated."),
+]
+
+
 def replay(
     folder: Annotated[
         Path,
@@ -66,22 +84,9 @@ def replay(
     ] = None,
     goal: _Goals = None,
     start: _Start = None,
-    stack: Annotated[
-        str | None, typer.Option(help="Another stack, by name or file [default: the run's].")
-    ] = None,
-    overrides: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            autocompletion=complete_setting,
-            metavar="K=V",
-            help="Change one value, e.g. avoid.spare=0.1. May be repeated.",
-        ),
-    ] = None,
-    rules: Annotated[
-        list[Path] | None,
-        typer.Option(help="File of rules in place of those of its name. May be repeated."),
-    ] = None,
+    stack: _OtherStack = None,
+    overrides: _Overrides = None,
+    rules: _Rules = None,
     topic: Topic = None,
     out: Annotated[
         Path | None, typer.Option(help="Of a bag: run folder [default: runs/BAG-replay].")

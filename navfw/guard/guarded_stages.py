@@ -182,8 +182,10 @@ class GuardedPlanner(GuardedStage[interfaces.Planner]):
     def findings(self) -> answers.Findings:
         """Closed passages, names and tracks of ways, and the map with these."""
         plugin, check = self.plugin, answers.check_findings
-        found = self._attempt(lambda: (plugin.closed, plugin.found, plugin.topo_map), check=check)
-        return ((), (), None) if found is None else found
+        findings = self._attempt(
+            lambda: (plugin.closed, plugin.found, plugin.topo_map), check=check
+        )
+        return ((), (), None) if findings is None else findings
 
     def explain_choice(self, guard: PluginGuard | None = None) -> Mapping[str, Any]:
         """Why the planner heads for where it does; empty if a route says it.

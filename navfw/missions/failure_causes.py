@@ -242,7 +242,7 @@ def _collision(result: MissionResult, now: Pose) -> dict[str, Any]:
     return {
         "by_mover": result.collision_cause == "mover",
         "bearing": wrap_angle(math.atan2(toward[1], toward[0]) - yaw),
-        "speed": float(moved @ (math.cos(yaw), math.sin(yaw))) / elapsed,
+        "speed": float(moved[0] * math.cos(yaw) + moved[1] * math.sin(yaw)) / elapsed,
         "mapped": _mapped(session.stack.local_map, session.stack.state.odometry, now, point),
     }
 

@@ -368,8 +368,8 @@ def _map_changes(session: Session) -> tuple[MapChange, ...]:
     if not growing.begun:
         return ()
     growing.finish()
-    closed, found, _ = stack.planner.findings
-    return tuple(changes_between(stack.topo_map, growing.grid, closed, found, growing.last_seen))
+    closed, ways, _ = stack.planner.findings
+    return tuple(changes_between(stack.topo_map, growing.grid, closed, ways, growing.last_seen))
 
 
 def _exploration(

@@ -165,13 +165,13 @@ def replace_rules(stack: Stack, file: Path) -> None:
     if name not in ruled:
         raise UnknownNameError("rule base of the stack", name, ruled, file=file, key="name")
     now = ruled[name].rules.base
-    for kind, given, expected in (
+    for kind, names, expected in (
         ("inputs", rules.base.inputs, now.inputs),
         ("outputs", rules.base.outputs, now.outputs),
     ):
-        if set(given) != set(expected):
-            names = ", ".join(expected)
-            raise InputError(f"expected {names}; got {', '.join(given)}", file=file, key=kind)
+        if set(names) != set(expected):
+            wanted = ", ".join(expected)
+            raise InputError(f"expected {wanted}; got {', '.join(names)}", file=file, key=kind)
     ruled[name].rules = rules
 
 
@@ -180,14 +180,14 @@ def replace_rules(stack: Stack, file: Path) -> None:
 
 def _recorded(run: RecordedRun) -> dict[int, dict[str, Any]]:
     """What was recorded of each decision, by its time [ns]: rules, and why it was held."""
-    found: dict[int, dict[str, Any]] = {}
+    decisions: dict[int, dict[str, Any]] = {}
     for message in run.messages(topics.COMMAND, topics.RULES):
-        at = found.setdefault(topics.nanoseconds(message.time), {})
+        at = decisions.setdefault(topics.nanoseconds(message.time), {})
         if message.topic == topics.RULES:
             at |= message.content
         else:
             at["held"] = message.content.get("held", "")
-    return found
+    return decisions
 
 
 def _held_at(times: Array, recorded: Mapping[int, Mapping[str, Any]]) -> list[str]:

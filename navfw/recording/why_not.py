@@ -8,26 +8,21 @@ does. Everything else of the moment stays as it was.
 
 from __future__ import annotations
 
-import copy
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from navfw.context import Context
 from navfw.errors import InputError
-from navfw.interfaces import Behavior, Composite
 from navfw.mofis.fusion import CUT, joint_prohibition, shares
-from navfw.mofis.mofis import Mofis, explain_command
-from navfw.mofis.rules import BehaviorRules, RuledBehavior, RuledComposite, Verdict
+from navfw.mofis.mofis import explain_command
 from navfw.numerics import Array
-from navfw.recording.explanations import explain_at
-from navfw.recording.run_replay import recorded_stack
+from navfw.recording.decision_moment import DecisionMoment, Shift
 from navfw.signals import Command, Proposal, Twist
 
 DIRECTIONS = ("left", "right", "faster", "slower", "stop")
@@ -84,158 +79,20 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class WhyNot:
-    """Why ``wanted`` (v, w) was not commanded at ``time`` [s], but ``given``.
+    """Why ``wanted`` (v, w) was not commanded at ``time`` [s], but ``commanded``.
 
-    ``ratings`` are those of the given and of the wanted command, out of the best of all.
+    ``ratings`` are those of the command and of the wanted one, out of the best of all.
     Each of ``changes``, smallest first, would have turned the decision; if there is none, ``pair``
     would have together.
     """
 
     time: float
-    given: tuple[float, float]
+    commanded: tuple[float, float]
     wanted: tuple[float, float]
     ratings: tuple[float, float]
     against: tuple[Objection, ...]
     changes: tuple[Change, ...]
     pair: tuple[Change, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class _Shift:
-    """A change to try: ``amount`` is added to an input, or multiplies a weight."""
-
-    behavior: str
-    name: str = ""  # of an input; empty for the weight
-    amount: float = 0.0
-
-
-class _ShiftedRules(BehaviorRules):
-    """Rules, one input of which is shifted; ``seen`` are the values before that."""
-
-    def __init__(self, rules: BehaviorRules, shifts: Mapping[str, float]) -> None:
-        vars(self).update(vars(rules))
-        self._shifts = shifts
-        self.seen: dict[str, Array] = {}
-
-    def evaluate(self, **inputs: float) -> Verdict:
-        shifted = self._shifted({name: np.asarray(value) for name, value in inputs.items()})
-        return super().evaluate(**{name: float(value) for name, value in shifted.items()})
-
-    def evaluate_all(self, **inputs: Array) -> Verdict:
-        return super().evaluate_all(**self._shifted(inputs))
-
-    def _shifted(self, inputs: Mapping[str, Array]) -> dict[str, Array]:
-        result = {}
-        for name, value in inputs.items():
-            universe = self.base.inputs[name].universe
-            self.seen[name] = within = np.clip(value, universe[0], universe[-1])
-            result[name] = within + self._shifts.get(name, 0.0)
-        return result
-
-
-@dataclass
-class DecisionMoment:
-    """A decision that can be made again: the plugins as they were before it, and their context."""
-
-    mofis: Mofis
-    context: Context
-    behaviors: Mapping[str, Behavior]
-    composite: Composite | None
-    _raw: dict[str, Proposal] = field(default_factory=dict)
-    _weights: Mapping[str, float] = field(default_factory=dict)
-    _values: dict[tuple[str, str], Array] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        self._weights = self._weigh({})
-        for name in self.behaviors:
-            self._raw[name] = self._propose(name, {})
-
-    def decide(self, shifts: Sequence[_Shift] = ()) -> tuple[Command, dict[str, Proposal]]:
-        """Return the command, and the weighted proposals, with ``shifts`` applied."""
-        weights, factors = self._weights, dict[str, float]()
-        by_plugin: dict[str, dict[str, float]] = {}
-        for shift in shifts:
-            if shift.name:
-                by_plugin.setdefault(shift.behavior, {})[shift.name] = shift.amount
-            else:
-                factors[shift.behavior] = shift.amount
-        if self.composite is not None and self.composite.name in by_plugin:
-            weights = self._weigh(by_plugin[self.composite.name])
-        proposals = {}
-        for name, raw in self._raw.items():
-            moved = self._propose(name, by_plugin[name]) if name in by_plugin else raw
-            degree = weights.get(name, 1.0) * factors.get(name, 1.0)
-            proposals[name] = moved.weighted(degree)
-        return self.mofis.fusion.fuse(self.context, proposals), proposals
-
-    def inputs(self, cell: tuple[int, int]) -> Iterator[tuple[str, str, float, float]]:
-        """Behaviour, input, its value for the command at ``cell``, and its range's length."""
-        for (owner, name), values in self._values.items():
-            plugin = self.behaviors.get(owner, self.composite)
-            if isinstance(plugin, RuledBehavior | RuledComposite):
-                universe = plugin.rules.base.inputs[name].universe
-                value = (
-                    values[cell] if values.shape == self.mofis.commands.shape else values.flat[0]
-                )
-                yield owner, name, float(value), float(universe[-1] - universe[0])
-
-    def _propose(self, name: str, shifts: Mapping[str, float]) -> Proposal:
-        plugin: Behavior = _copy_of(self.behaviors[name])
-        rules = _shift_rules(plugin, shifts)
-        proposal = plugin.propose(self.context)
-        if rules is not None and not shifts:
-            self._values |= {(name, one): np.asarray(seen) for one, seen in rules.seen.items()}
-        return proposal
-
-    def _weigh(self, shifts: Mapping[str, float]) -> Mapping[str, float]:
-        if self.composite is None:
-            return {}
-        plugin: Composite = _copy_of(self.composite)
-        rules = _shift_rules(plugin, shifts)
-        weights = plugin.weigh(self.context)
-        if rules is not None and not shifts:
-            owner = self.composite.name
-            self._values |= {(owner, one): np.asarray(seen) for one, seen in rules.seen.items()}
-        return weights
-
-
-def _copy_of(plugin: Any) -> Any:
-    """Return a copy of a plugin that shares its robot, parameters and rules."""
-    shared = [plugin.robot, plugin.params, getattr(plugin, "rules", None)]
-    return copy.deepcopy(plugin, {id(one): one for one in shared})
-
-
-def _shift_rules(plugin: Any, shifts: Mapping[str, float]) -> _ShiftedRules | None:
-    if not isinstance(plugin, RuledBehavior | RuledComposite):
-        return None
-    plugin.rules = rules = _ShiftedRules(plugin.rules, shifts)
-    return rules
-
-
-# --- the search ----------------------------------------------------------------------------------
-
-
-def moment_at(folder: Path, time: float) -> DecisionMoment:
-    """Repeat a recorded run up to the decision that was in force at ``time`` [s].
-
-    Raises:
-        InputError: the folder is not that of a run with ``--record``, or is damaged; or no command
-            was in force at that time.
-
-    """
-    decided = float(explain_at(folder, time)["time"])
-    stack, recording, faults = recorded_stack(folder)
-    for reading in recording.readings:
-        faults.update(reading.time)
-        last = reading.time >= decided - 1e-6
-        if last:
-            mofis = stack.mofis
-            behaviors = {name: _copy_of(plugin) for name, plugin in mofis.behaviors.items()}
-            composite = None if mofis.composite is None else _copy_of(mofis.composite)
-        stack.step(reading)
-        if last and mofis.context is not None:
-            return DecisionMoment(mofis, mofis.context, behaviors, composite)
-    raise InputError(f"the decision at {decided:g} s is not in the recording", file=folder)
 
 
 def why_not(moment: DecisionMoment, wanted: str) -> WhyNot:
@@ -249,8 +106,8 @@ def why_not(moment: DecisionMoment, wanted: str) -> WhyNot:
     grid = moment.mofis.commands
     turned = _predicate(wanted, command.twist, moment)
     if turned(command.twist):
-        given = f"{command.twist.v:+.2f} m/s, {command.twist.w:+.2f} rad/s"
-        raise InputError(f"the command was that: {given}", key="--why-not")
+        was = f"{command.twist.v:+.2f} m/s, {command.twist.w:+.2f} rad/s"
+        raise InputError(f"the command was that: {was}", key="--why-not")
     support = _support(moment.context, proposals)
     cells = [
         (row, column)
@@ -266,7 +123,7 @@ def why_not(moment: DecisionMoment, wanted: str) -> WhyNot:
     changes, tried = _search(moment, turned, cell)
     return WhyNot(
         time=moment.context.time,
-        given=(command.twist.v, command.twist.w),
+        commanded=(command.twist.v, command.twist.w),
         wanted=(float(grid.v[cell[0]]), float(grid.w[cell[1]])),
         ratings=(float(support[given_cell]) / best, float(support[cell]) / best),
         against=tuple(_objections(moment, proposals, command, given_cell, cell)),
@@ -327,31 +184,31 @@ def _objections(
     """The behaviours against the ``wanted`` command, the strongest first."""
     grid = moment.mofis.commands
     twist = Twist(float(grid.v[wanted[0]]), float(grid.w[wanted[1]]))
-    there = Command(command.time, twist, command.leader, "", False, command.weights)
-    told = explain_command(there, proposals, moment.mofis)["behaviors"]
-    found = []
+    instead = Command(command.time, twist, command.leader, "", False, command.weights)
+    told = explain_command(instead, proposals, moment.mofis)["behaviors"]
+    objections = []
     for name, share in shares(proposals).items():
         proposal = proposals[name]
         loss = share * float(proposal.desirability[given] - proposal.desirability[wanted])
         prohibition = float(proposal.prohibition[wanted])
         if loss > 0.01 or prohibition > CUT:
             rules = tuple(f"{r['rule']} ({r['strength']:.2f})" for r in told[name]["rules"][:2])
-            found.append(Objection(name, loss, prohibition, rules))
-    return iter(sorted(found, key=lambda one: (one.prohibition <= CUT, -one.loss)))
+            objections.append(Objection(name, loss, prohibition, rules))
+    return iter(sorted(objections, key=lambda one: (one.prohibition <= CUT, -one.loss)))
 
 
 def _search(
     moment: DecisionMoment, turned: Predicate, cell: tuple[int, int]
-) -> tuple[list[Change], list[tuple[_Shift, float, float]]]:
+) -> tuple[list[Change], list[tuple[Shift, float, float]]]:
     """Return the single changes that turn the decision, and all that were tried, at their largest.
 
     With each of the latter go its value before, and the scale of its size.
     """
     changes: list[Change] = []
-    tried: list[tuple[_Shift, float, float]] = []
+    tried: list[tuple[Shift, float, float]] = []
 
     def turns(owner: str, name: str, amount: float) -> bool:
-        return turned(moment.decide([_Shift(owner, name, amount)])[0].twist)
+        return turned(moment.decide([Shift(owner, name, amount)])[0].twist)
 
     for owner, name, value, span in moment.inputs(cell):
         for sign in (1.0, -1.0):
@@ -359,7 +216,7 @@ def _search(
             amount = _least(partial(turns, owner, name), steps)
             if amount is not None:
                 changes.append(Change(owner, name, value, value + amount, abs(amount) / span))
-            tried.append((_Shift(owner, name, sign * span), value, span))
+            tried.append((Shift(owner, name, sign * span), value, span))
     for owner, share in shares(moment.decide()[1]).items():
         for factors in _FACTORS if share > 0.0 else ():
             factor = _least(partial(turns, owner, ""), factors, 1.0)
@@ -397,20 +254,20 @@ def _least(
 def _pair(
     moment: DecisionMoment,
     turned: Predicate,
-    tried: Sequence[tuple[_Shift, float, float]],
+    tried: Sequence[tuple[Shift, float, float]],
     cell: tuple[int, int],
 ) -> tuple[Change, ...]:
     """Return the smallest two changes of inputs that turn the decision together; () if none do."""
 
-    def rating(shift: _Shift) -> float:
+    def rating(shift: Shift) -> float:
         return float(_support(moment.context, moment.decide([shift])[1])[cell])
 
-    def turns(first: _Shift, second: _Shift, share: float) -> bool:
+    def turns(first: Shift, second: Shift, share: float) -> bool:
         shifts = [replace(shift, amount=share * shift.amount) for shift in (first, second)]
         return turned(moment.decide(shifts)[0].twist)
 
     best = sorted(tried, key=lambda one: -rating(one[0]))[:_PAIRED]
-    found: list[tuple[float, tuple[Change, ...]]] = []
+    pairs: list[tuple[float, tuple[Change, ...]]] = []
     for one, other in combinations(best, 2):
         if (one[0].behavior, one[0].name) == (other[0].behavior, other[0].name):
             continue
@@ -421,13 +278,13 @@ def _pair(
                 Change(s.behavior, s.name, value, value + share * s.amount, share)
                 for s, value, _ in (one, other)
             )
-            found.append((share, changes))
-    return min(found, key=lambda one: one[0])[1] if found else ()
+            pairs.append((share, changes))
+    return min(pairs, key=lambda one: one[0])[1] if pairs else ()
 
 
 def why_not_lines(result: WhyNot) -> list[str]:
     """Format ``result`` as lines of text."""
-    (v, w), (wanted_v, wanted_w) = result.given, result.wanted
+    (v, w), (wanted_v, wanted_w) = result.commanded, result.wanted
     lines = [
         f"at {result.time:.1f} s: not {wanted_v:+.2f} m/s, {wanted_w:+.2f} rad/s, but {v:+.2f} m/s,"
         f" {w:+.2f} rad/s",

@@ -10,16 +10,14 @@ from navfw.errors import InputError
 from navfw.missions import prepare
 from navfw.missions.run_report import write_run
 from navfw.recording import RunFolder
+from navfw.recording.decision_moment import DecisionMoment, Shift, moment_at
 from navfw.recording.explanations import explain_at
 from navfw.recording.why_not import (
     DIRECTIONS,
     Change,
-    DecisionMoment,
     WhyNot,
     _least,
     _predicate,
-    _Shift,
-    moment_at,
     why_not,
     why_not_lines,
 )
@@ -52,11 +50,11 @@ def answers(moment: DecisionMoment) -> list[tuple[str, WhyNot]]:
     return found
 
 
-def shift(change: Change, share: float = 1.0) -> _Shift:
+def shift(change: Change, share: float = 1.0) -> Shift:
     if change.name == "weight":
         factor = change.after / change.before
-        return _Shift(change.behavior, "", 1.0 + share * (factor - 1.0))
-    return _Shift(change.behavior, change.name, share * (change.after - change.before))
+        return Shift(change.behavior, "", 1.0 + share * (factor - 1.0))
+    return Shift(change.behavior, change.name, share * (change.after - change.before))
 
 
 @pytest.mark.parametrize("time", TIMES)
@@ -114,7 +112,7 @@ def test_the_command_prints_text_or_one_object(folder: Path) -> None:
     assert printed.startswith("at 4.")
     assert " was against it: " in printed
     data = json.loads(invoke("explain", folder, "--at", 4.8, "--why-not", "stop", "--json").stdout)
-    assert set(data) >= {"given", "wanted", "ratings", "against", "changes", "pair"}
+    assert set(data) >= {"commanded", "wanted", "ratings", "against", "changes", "pair"}
     assert "needs --at" in refusal("explain", folder, "--why-not", "stop")
     assert "no command was in force" in refusal("explain", folder, "--at", 99, "--why-not", "left")
 
