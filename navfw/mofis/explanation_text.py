@@ -40,15 +40,28 @@ def explanation_lines(explanation: dict[str, Any]) -> list[str]:
     if composite["rules"]:
         weights = ", ".join(f"{name} {weight:.2f}" for name, weight in composite["weights"].items())
         lines.append(f"  {composite['name']} weights {weights}")
-        lines += [f"      {rule['strength']:.2f}  {rule['rule']}" for rule in composite["rules"]]
+        lines += [
+            f"      {rule['strength']:.2f}  {with_inputs(rule)}" for rule in composite["rules"]
+        ]
     ordered = sorted(explanation["behaviors"].items(), key=lambda item: -item[1]["weight"])
     for name, rating in ordered:
         lines.append(
             f"  {name}: weight {rating['weight']:.2f}, desirability {rating['desirability']:.2f}, "
             f"prohibition {rating['prohibition']:.2f} - {rating['reason']}"
         )
-        lines += [f"      {rule['strength']:.2f}  {rule['rule']}" for rule in rating["rules"]]
+        lines += [f"      {rule['strength']:.2f}  {with_inputs(rule)}" for rule in rating["rules"]]
     return lines
+
+
+def with_inputs(rule: Mapping[str, Any]) -> str:
+    """Return a fired rule with the values of its inputs, if they are known.
+
+    >>> with_inputs({"rule": "IF a IS b THEN c IS d", "inputs": {"a": 0.314}})
+    'IF a IS b THEN c IS d [a 0.31]'
+    """
+    inputs = {name: x for name, x in rule.get("inputs", {}).items() if x is not None}
+    values = ", ".join(f"{name} {x:.2f}" for name, x in inputs.items())
+    return f"{rule['rule']} [{values}]" if values else str(rule["rule"])
 
 
 def _plan_lines(plan: Mapping[str, Any]) -> list[str]:
@@ -59,7 +72,9 @@ def _plan_lines(plan: Mapping[str, Any]) -> list[str]:
     inputs = ", ".join(f"{name} {value:.2f}" for name, value in plan.get("inputs", {}).items())
     merit = f": merit {plan['merit']:.2f} of {inputs}" if inputs else ""
     lines = [f"  heads for {plan['heads_for']}{where}{merit}"]
-    lines += [f"      {rule['strength']:.2f}  {rule['rule']}" for rule in plan.get("rules", ())]
+    lines += [
+        f"      {rule['strength']:.2f}  {with_inputs(rule)}" for rule in plan.get("rules", ())
+    ]
     lines += [
         f"      {other['merit']:.2f}  instead ({other['x']:.1f}, {other['y']:.1f}), "
         f"gain {other['gain']:.1f} m2, path {other['path']:.1f} m"

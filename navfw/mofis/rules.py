@@ -6,6 +6,7 @@ A class derived from ``RuledBehavior`` or ``RuledComposite`` reads the YAML file
 from __future__ import annotations
 
 import inspect
+import re
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -41,11 +42,16 @@ class Verdict:
     """The result of a rule base for one set of inputs, or (``evaluate_all``) for many at once."""
 
     def __init__(
-        self, rules: BehaviorRules, result: fuzzy.Inference, shape: tuple[int, ...]
+        self,
+        rules: BehaviorRules,
+        result: fuzzy.Inference,
+        shape: tuple[int, ...],
+        inputs: Mapping[str, float | Array],
     ) -> None:
         self._rules = rules
         self._result = result
         self._shape = shape
+        self._inputs = inputs
 
     def value(self, output: str) -> float:
         """Return the crisp (defuzzified) value of ``output``."""
@@ -90,9 +96,27 @@ class Verdict:
         return desired / max(float(desired.max()), 1e-3)
 
     def explain(self, row: int = 0, column: int = 0) -> list[dict[str, Any]]:
-        """Return the rules that fired, strongest first, at (row, column) of ``evaluate_all``."""
-        index = 0 if self._shape == (1,) else int(np.ravel_multi_index((row, column), self._shape))
-        return [dict(rule) for rule in self._rules.fis.explain(self._result, index)]
+        """Return the rules that fired, strongest first, at (row, column) of ``evaluate_all``.
+
+        Each has its ``inputs``: the values of those that it names.
+        """
+        single = self._shape == (1,)
+        index = 0 if single else int(np.ravel_multi_index((row, column), self._shape))
+        values = {
+            name: float(value if single else np.asarray(value)[row, column])
+            for name, value in self._inputs.items()
+        }
+        return [
+            {
+                **rule,
+                "inputs": {
+                    name: value
+                    for name, value in values.items()
+                    if re.search(rf"\b{name} IS ", rule["rule"])
+                },
+            }
+            for rule in self._rules.fis.explain(self._result, index)
+        ]
 
 
 class BehaviorRules:
@@ -133,12 +157,13 @@ class BehaviorRules:
 
     def evaluate(self, **inputs: float) -> Verdict:
         """Apply the rules to one set of inputs, each clipped to the range of its variable."""
-        return Verdict(self, self.fis.evaluate_one(inputs), (1,))
+        return Verdict(self, self.fis.evaluate_one(inputs), (1,), inputs)
 
     def evaluate_all(self, **inputs: Array) -> Verdict:
         """Apply the rules elementwise to arrays of one shape; inputs are clipped as well."""
         shape = next(iter(inputs.values())).shape
-        return Verdict(self, self.fis.evaluate({k: v.ravel() for k, v in inputs.items()}), shape)
+        result = self.fis.evaluate({name: value.ravel() for name, value in inputs.items()})
+        return Verdict(self, result, shape, inputs)
 
     def peaks(self, output: str) -> tuple[float, ...]:
         """Return the position of the peak of each term of ``output``, within its range."""

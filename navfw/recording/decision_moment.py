@@ -137,11 +137,12 @@ def moment_at(folder: Path, time: float) -> DecisionMoment:
     """Repeat a recorded run up to the decision that was in force at ``time`` [s].
 
     Raises:
-        InputError: the folder is not that of a run with ``--record``, or is damaged; or no command
-            was in force at that time.
+        InputError: the folder is not that of a run with ``--record``, or is damaged; no command
+            was in force at that time; or the stack gives another one now.
 
     """
-    decided = float(explain_at(folder, time)["time"])
+    recorded = explain_at(folder, time)
+    decided = float(recorded["time"])
     stack, recording, faults = recorded_stack(folder)
     for reading in recording.readings:
         faults.update(reading.time)
@@ -152,5 +153,15 @@ def moment_at(folder: Path, time: float) -> DecisionMoment:
             composite = None if mofis.composite is None else _copy_of(mofis.composite)
         stack.step(reading)
         if last and mofis.context is not None:
-            return DecisionMoment(mofis, mofis.context, behaviors, composite)
+            moment = DecisionMoment(mofis, mofis.context, behaviors, composite)
+            twist = moment.decide()[0].twist
+            if (twist.v, twist.w) == (recorded["v"], recorded["w"]):
+                return moment
+            was = f"{recorded['v']:+.2f} m/s, {recorded['w']:+.2f} rad/s"
+            raise InputError(
+                f"the command at {decided:.1f} s was {was}, and is now {twist.v:+.2f} m/s,"
+                f" {twist.w:+.2f} rad/s: navfw, a plugin or its rules have changed since; `navfw"
+                " replay` says from when on",
+                file=folder,
+            )
     raise InputError(f"the decision at {decided:g} s is not in the recording", file=folder)

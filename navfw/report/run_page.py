@@ -28,7 +28,7 @@ from navfw.recording.run_folder import MAP, PICTURE, RECORDING, plain_json, read
 from navfw.report import run_timeline
 from navfw.report.report_page import reduced_source, render_page
 from navfw.report.run_moments import read_moments
-from navfw.report.run_story import read_story
+from navfw.report.run_story import read_story, why_so
 from navfw.topomap import TopoMap, load_map
 
 
@@ -118,7 +118,7 @@ def run_report(folder: Path, chase: Chase | None = None) -> str:
         "title": f"{result.get('world', '?')} / {result.get('mission', '?')},"
         f" seed {result.get('seed', '?')}",
         "outcome": str(result.get("outcome", "")),
-        "reason": str(result.get("reason", "")),
+        "reason": why_so(result),
         "numbers": _numbers(result),
         "notes": _notes(result),
         "of_bag": bool(result.get("notes")) and isinstance(result["notes"], list),

@@ -17,7 +17,7 @@ from typing import Any
 from navfw.config.input_file import is_file
 from navfw.errors import InputError
 from navfw.features.landmark_appearance import check_landmark_kind
-from navfw.mofis.explanation_text import asks_for_nothing
+from navfw.mofis.explanation_text import asks_for_nothing, with_inputs
 from navfw.recording import channel_list as topics
 from navfw.recording.recorded_run import RecordedRun, located_damage, open_run
 from navfw.recording.run_folder import MAP, RESULT, read_result
@@ -164,12 +164,18 @@ def story_of(
 
 def headline(result: Mapping[str, Any]) -> str:
     """How the run ended, and why if it failed, in a sentence."""
-    outcome, reason = result["outcome"], result.get("reason", "")
     after = f" after {result['sim_time_s']:.1f} s" if "sim_time_s" in result else ""
-    if outcome == "reached" or not result.get("cause"):
-        return f"{outcome}{after}: {reason}"
-    seen = result.get("cause_seen") or str(result["cause"]).replace("_", " ")
-    return f"{outcome}{after} because {seen}: {reason}"
+    why = why_so(result)
+    return f"{result['outcome']}{after}{'' if why.startswith('because ') else ':'} {why}"
+
+
+def why_so(result: Mapping[str, Any]) -> str:
+    """Why the run ended so: the cause of a failure, and the reason."""
+    reason, cause = str(result.get("reason", "")), result.get("cause")
+    if not cause:
+        return reason
+    seen = result.get("cause_seen") or str(cause).replace("_", " ")
+    return f"because {seen}: {reason}"
 
 
 # --- reading -------------------------------------------------------------------------------------
@@ -263,23 +269,24 @@ def _sentence(kind: str, part: Sequence[_Decision], took: float) -> str:
 
 
 def _reason(part: Sequence[_Decision], *, slower: bool = False) -> str:
-    """The behaviour that led, its strongest rule, and the strength of that.
+    """The behaviour that led, its strongest rule, the strength of that, and its inputs.
 
     ``slower`` asks for what kept the robot below its top speed instead, where that is recorded.
     """
     said = _most(one.said.get("slower", "") for one in part) if slower else ""
     name, _, rule = said.partition(": ")
     name = name or _most(one.said["leader"] for one in part)
-    best = 0.0
+    best: Mapping[str, Any] = {"strength": 0.0, "rule": rule}
     for one in part:
         for fired in one.rules.get("behaviors", {}).get(name, {}).get("rules", ()):
             says = not asks_for_nothing(fired["rule"]) and (not said or fired["rule"] == rule)
-            if says and fired["strength"] > best:
-                best, rule = float(fired["strength"]), str(fired["rule"])
-    reason = _most(one.said["reason"] for one in part if one.said["leader"] == name)
-    if not rule:
+            if says and fired["strength"] > best["strength"]:
+                best = fired
+    if not best["rule"]:
+        reason = _most(one.said["reason"] for one in part if one.said["leader"] == name)
         return f"{name}: {reason}" if reason else name
-    return f"{name}: {rule}" + (f" ({best:.2f})" if best else "")
+    strength = f" ({best['strength']:.2f})" if best["strength"] else ""
+    return f"{name}: {with_inputs(best)}{strength}"
 
 
 def _most(words: Any) -> str:

@@ -15,6 +15,8 @@ import pytest
 from docs_pages import ROOT, load_module
 from processes import run
 
+from navfw.fuzzy import load_rule_base
+
 DOCS = ROOT / "docs"
 
 
@@ -81,6 +83,22 @@ def test_the_site_is_built_without_a_warning(builder: ModuleType, tmp_path: Path
     assert public - anchors == set()
     # neither fonts nor scripts come from a server
     assert re.findall(r'<(?:script|link)[^>]+(?:src|href)="https?:', api) == []
+
+
+# --- curves of rules -----------------------------------------------------------------------------
+
+
+def test_the_curves_are_those_of_the_shipped_rules(tmp_path: Path) -> None:
+    drawing = load_module(DOCS / "draw_rules.py")
+    for name in drawing.DRAWN:
+        base = load_rule_base(DOCS.parent / "behaviors" / f"{name}.yaml")
+        drawing.draw_rule_base(base).savefig(tmp_path / "drawn.png", dpi=110)
+        drawn, kept = (
+            np.asarray(cv2.imread(str(file)), dtype=np.float64)
+            for file in (tmp_path / "drawn.png", drawing.picture_of(name))
+        )
+        assert drawn.shape == kept.shape
+        assert np.abs(drawn - kept).mean() < 1.0, "run: uv run python docs/draw_rules.py"
 
 
 # --- the page on OFFIS ---------------------------------------------------------------------------

@@ -1,6 +1,7 @@
 """Why not: the decision is made again, and the changes that are told do turn it."""
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -122,3 +123,13 @@ def test_the_least_amount_is_found_also_where_more_does_not_suffice() -> None:
     assert _least(lambda a: 0.3 <= a < 0.35, [0.1, 0.2, 0.33, 0.8]) == pytest.approx(0.3, abs=0.01)
     assert _least(lambda a: a > 1.0, [0.1, 1.0]) is None
     assert _least(lambda f: f <= 0.4, [0.9, 0.5, 0.25], 1.0) == pytest.approx(0.4, abs=0.01)
+
+
+def test_a_stack_that_decides_otherwise_now_is_refused(folder: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy)
+    text = (copy / "stack.yaml").read_text()
+    assert '"spare": 0.06' in text
+    (copy / "stack.yaml").write_text(text.replace('"spare": 0.06', '"spare": 0.5'))
+    with pytest.raises(InputError, match=r"and is now .* rules have changed since"):
+        moment_at(copy, 4.8)
