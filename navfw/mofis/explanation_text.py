@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from typing import Any
@@ -59,8 +60,11 @@ def with_inputs(rule: Mapping[str, Any]) -> str:
     >>> with_inputs({"rule": "IF a IS b THEN c IS d", "inputs": {"a": 0.314}})
     'IF a IS b THEN c IS d [a 0.31]'
     """
-    inputs = {name: x for name, x in rule.get("inputs", {}).items() if x is not None}
-    values = ", ".join(f"{name} {x:.2f}" for name, x in inputs.items())
+    values = ", ".join(
+        f"{name} {value:.2f}"
+        for name, value in rule.get("inputs", {}).items()
+        if value is not None and math.isfinite(value)
+    )
     return f"{rule['rule']} [{values}]" if values else str(rule["rule"])
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from navfw.config.extras import extra_imports
+from navfw.config.input_file import open_input
 from navfw.errors import InputError
 from navfw.recording import channel_list as topics
 from navfw.recording.run_folder import recording_in
@@ -32,7 +33,7 @@ def explain_at(folder: str | Path, time: float, *, inference: bool = False) -> d
             was in force at that time.
 
     """
-    recorded = None if inference else _recorded(recording_in(folder), time)
+    recorded = None if inference else _recorded(folder, time)
     if recorded is None:
         from navfw.recording.run_replay import repeat_until
 
@@ -48,7 +49,7 @@ def explain_at(folder: str | Path, time: float, *, inference: bool = False) -> d
     return explanation
 
 
-def _recorded(file: Path, time: float) -> tuple[dict[str, Any], float] | None:
+def _recorded(folder: str | Path, time: float) -> tuple[dict[str, Any], float] | None:
     """The recorded explanation at ``time`` [s], and the time of the last reading [s].
 
     None if the file does not have it, or is not whole: what is wrong with it is found by reading
@@ -58,8 +59,9 @@ def _recorded(file: Path, time: float) -> tuple[dict[str, Any], float] | None:
         from mcap.exceptions import McapError
         from mcap.reader import SeekingReader
 
+    file = recording_in(folder)
     try:
-        with file.open("rb") as stream:
+        with open_input(file, topics.MAX_BYTES) as stream:
             reader = SeekingReader(stream, validate_crcs=True)
             whole = reader.get_header().profile == f"{topics.PROFILE}{topics.FORMAT_VERSION}"
             summary = reader.get_summary()

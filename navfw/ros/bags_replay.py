@@ -69,7 +69,7 @@ class BagReadings:
         self._ticks = rolled * [1.0, per_way, per_way]
         self._begin = float(rolled[0, 0]) if len(rolled) else 0.0
         end = float(rolled[-1, 0]) if len(rolled) else 0.0
-        if len(rolled) and bag.duration - end > _GAP:
+        if (len(rolled) or not only_gyro) and bag.duration - end > _GAP:
             bag.notes.append(f"the wheels are silent for the last {bag.duration - end:.1f} s")
 
     def __len__(self) -> int:
