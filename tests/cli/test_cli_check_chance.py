@@ -50,7 +50,7 @@ ELSEWHERE = {"hash", "order_of_a_set", "process"}
 def errors_of_check() -> dict[str, str]:
     """What ``navfw check`` finds in the current project, by the name of the part."""
     result = invoke("check", "--json")
-    assert result.exit_code == 2
+    assert result.exit_code == 2, result.stdout
     return {row["name"]: row["error"] for row in json.loads(result.stdout)}
 
 
@@ -63,6 +63,7 @@ def test_every_source_of_chance_is_named(folder: Path) -> None:
     assert errors.pop("sound") is None
     assert errors.keys() == CHANCES.keys()
     for name, error in errors.items():
+        assert error is not None, (name, invoke("check", "--json").stdout)
         assert "in the scene 'before the first percept'" in error, name
         assert "its applicability differs" in error, name
         assert ("in another process" in error) >= (name in ELSEWHERE), error
