@@ -37,6 +37,20 @@ def shares(proposals: Proposals) -> dict[str, float]:
     return {name: p.applicability / max(total, 1e-9) for name, p in proposals.items()}
 
 
+def mean_desire(context: Context, proposals: Proposals) -> Array:
+    """Return the mean of the desirabilities (n_v, n_w), weighted by applicability."""
+    desire = context.commands.zeros()
+    for name, share in shares(proposals).items():
+        if share > 0.0:
+            desire += share * proposals[name].desirability
+    return desire
+
+
+def allowed_desire(desire: Array, prohibition: Array) -> Array:
+    """Return ``desire`` (n_v, n_w) less what is prohibited; 0 for excluded commands."""
+    return np.where(prohibition > CUT, 0.0, desire * (1.0 - prohibition))
+
+
 def _leader_at(proposals: Proposals, row: int, column: int) -> str:
     """Return the behaviour with the largest weighted desire for the command at (row, column)."""
     return max(
@@ -142,7 +156,7 @@ class FuzzyFusion(Fusion):
         prohibition = joint_prohibition(context, proposals)
         forbidden = prohibition > CUT
         desire = self._desire(context, proposals)
-        support = np.where(forbidden, 0.0, desire * (1.0 - prohibition))
+        support = allowed_desire(desire, prohibition)
         best = float(support.max())
         if best <= 1e-6:
             return no_command(context, proposals, forbidden)
@@ -153,15 +167,12 @@ class FuzzyFusion(Fusion):
 
     def _desire(self, context: Context, proposals: Proposals) -> Array:
         """Blend the desirabilities (n_v, n_w)."""
+        if self.params.blend == "sum":
+            return mean_desire(context, proposals)
         desire = context.commands.zeros()
-        if self.params.blend == "max":
-            for proposal in proposals.values():
-                desired = np.minimum(proposal.applicability, proposal.desirability)
-                np.maximum(desire, desired, out=desire)
-            return desire
-        for name, share in shares(proposals).items():
-            if share > 0.0:
-                desire += share * proposals[name].desirability
+        for proposal in proposals.values():
+            desired = np.minimum(proposal.applicability, proposal.desirability)
+            np.maximum(desire, desired, out=desire)
         return desire
 
     def _centre(

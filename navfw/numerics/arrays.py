@@ -1,4 +1,8 @@
-"""Arrays by the type of their elements."""
+"""Arrays by the type of their elements, and runs of flags in them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
@@ -10,3 +14,14 @@ Int32s = npt.NDArray[np.int32]
 Bytes = npt.NDArray[np.uint8]
 Image = Bytes
 Mask = npt.NDArray[np.bool_]
+
+
+def spans(times: Array, flags: Mask, pause: float) -> Iterator[tuple[int, int]]:
+    """First and last index of each run of true ``flags`` (n,), at ``times`` (n,) [s].
+
+    Runs that are up to ``pause`` [s] apart are one.
+    """
+    at = np.flatnonzero(flags)
+    if len(at):
+        for part in np.split(at, np.flatnonzero(np.diff(times[at]) > pause) + 1):
+            yield int(part[0]), int(part[-1])

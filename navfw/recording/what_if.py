@@ -20,6 +20,7 @@ from navfw.errors import InputError, UnknownNameError
 from navfw.mofis.explanation_text import asks_for_nothing
 from navfw.mofis.rules import BehaviorRules, RuledBehavior, RuledComposite
 from navfw.numerics import Array, Mask
+from navfw.numerics.arrays import spans
 from navfw.recording import channel_list as topics
 from navfw.recording.recorded_run import RecordedRun
 from navfw.recording.run_folder import recording_in
@@ -126,7 +127,6 @@ def what_if(
     times = recording.times
     differ: Mask = np.asarray((np.abs(twists - recording.commands) >= _OTHER).any(axis=1))
     first = float(times[differ.argmax()]) if differ.any() else None
-    spans = list(_spans(times, differ))
     radius = changed.robot.radius
     held_before = _held_at(times, recorded)
     return WhatIf(
@@ -136,7 +136,8 @@ def what_if(
         apart=_apart(times, recording.commands, twists, radius),
         radius=radius,
         differences=tuple(
-            _difference(times, recording.commands, twists, span, reasons) for span in spans
+            _difference(times, recording.commands, twists, span, reasons)
+            for span in spans(times, differ, _PAUSE)
         ),
         reasons=tuple(
             (text, count / len(reasons))
@@ -200,16 +201,6 @@ def _held_at(times: Array, recorded: Mapping[int, Mapping[str, Any]]) -> list[st
     return held
 
 
-def _spans(times: Array, flags: Mask) -> Iterator[tuple[int, int]]:
-    """First and last index of each run of true ``flags``, over short pauses."""
-    at = np.flatnonzero(flags)
-    if not len(at):
-        return
-    breaks = np.flatnonzero(np.diff(times[at]) > _PAUSE) + 1
-    for part in np.split(at, breaks):
-        yield int(part[0]), int(part[-1])
-
-
 def _difference(
     times: Array,
     recorded: Array,
@@ -258,7 +249,7 @@ def _reason(before: Mapping[str, Any], now: Mapping[str, Any]) -> _Reason | None
 def _vetoes(times: Array, held: Sequence[str], other: Sequence[str]) -> Iterator[OtherVeto]:
     """Where one robot is ``held``, and the ``other`` at no time of that."""
     flags = np.array([bool(reason) for reason in held], dtype=np.bool_)
-    for first, last in _spans(times, flags):
+    for first, last in spans(times, flags, _PAUSE):
         if not any(other[first : last + 1]):
             yield OtherVeto(float(times[first]), float(times[last]), held[first])
 

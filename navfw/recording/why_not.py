@@ -15,11 +15,9 @@ from functools import partial
 from itertools import combinations
 from typing import Any
 
-import numpy as np
-
 from navfw.context import Context
 from navfw.errors import InputError
-from navfw.mofis.fusion import CUT, joint_prohibition, shares
+from navfw.mofis.fusion import CUT, allowed_desire, joint_prohibition, mean_desire, shares
 from navfw.mofis.mofis import explain_command
 from navfw.numerics import Array
 from navfw.recording.decision_moment import DecisionMoment, Shift
@@ -167,11 +165,7 @@ def _away(grid: Any, cell: tuple[int, int], twist: Twist) -> float:
 
 def _support(context: Context, proposals: Mapping[str, Proposal]) -> Array:
     """Return the rating (n_v, n_w) of all commands: the desires' mean, less what is prohibited."""
-    desire = context.commands.zeros()
-    for name, share in shares(proposals).items():
-        desire = desire + share * proposals[name].desirability
-    prohibition = joint_prohibition(context, proposals)
-    return np.where(prohibition > CUT, 0.0, desire * (1.0 - prohibition))
+    return allowed_desire(mean_desire(context, proposals), joint_prohibition(context, proposals))
 
 
 def _objections(

@@ -14,10 +14,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from navfw.config.input_file import is_file
 from navfw.errors import InputError
 from navfw.features.landmark_appearance import check_landmark_kind
 from navfw.mofis.explanation_text import asks_for_nothing, with_inputs
+from navfw.numerics.arrays import spans
 from navfw.recording import channel_list as topics
 from navfw.recording.recorded_run import RecordedRun, located_damage, open_run
 from navfw.recording.run_folder import MAP, RESULT, read_result
@@ -221,8 +224,9 @@ def _episodes(
         kind or ("slow" if max(one.said["v"], one.speed) < _SLOW * top and one.bounded else "")
         for kind, one in zip(kinds, decisions, strict=True)
     ]
+    times = np.array([one.time for one in decisions])
     for wanted, shortest in _MIN_DURATION.items():
-        for first, last in _runs(decisions, [kind == wanted for kind in slow]):
+        for first, last in spans(times, np.array([kind == wanted for kind in slow]), _PAUSE):
             part = decisions[first : last + 1]
             took = part[-1].time - part[0].time + 0.1
             turned = abs(sum(one.said["w"] for one in part)) * 0.1
@@ -230,21 +234,6 @@ def _episodes(
                 place = _where(part[0], places)
                 text = f"{place}: {_sentence(wanted, part, took)}"
                 yield StoryLine(part[0].time, part[-1].time, wanted, text)
-
-
-def _runs(decisions: Sequence[_Decision], flags: Sequence[bool]) -> Iterator[tuple[int, int]]:
-    """First and last index of each run of true ``flags``, over short pauses."""
-    first = last = -1
-    for index, flag in enumerate(flags):
-        if not flag:
-            continue
-        if first >= 0 and decisions[index].time - decisions[last].time > _PAUSE:
-            yield first, last
-            first = -1
-        first = index if first < 0 else first
-        last = index
-    if first >= 0:
-        yield first, last
 
 
 def _sentence(kind: str, part: Sequence[_Decision], took: float) -> str:

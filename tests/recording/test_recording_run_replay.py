@@ -13,10 +13,9 @@ from mcap_rewriting import rewrite
 from processes import python
 
 from navfw.errors import ConfigError, InputError
-from navfw.missions import MissionResult, prepare
-from navfw.missions.run_report import write_run
+from navfw.missions import MissionResult
 from navfw.numerics import Image
-from navfw.recording import RECORDING, RESULT, RunFolder, read_result, ros_message
+from navfw.recording import RECORDING, RESULT, read_result, ros_message
 from navfw.recording.channel_list import CAMERA_IMAGE, RULES
 from navfw.recording.explanations import explain_at
 from navfw.recording.recorded_run import RecordedRun, image_of
@@ -40,16 +39,6 @@ finally:
 
 
 Driven = tuple[MissionResult, Path]
-
-
-@pytest.fixture(scope="module")
-def driven(tmp_path_factory: pytest.TempPathFactory) -> Driven:
-    session = prepare("paper-room", "through-the-door", seed=3, overrides=["mission.timeout=6"])
-    result = session.run(record=True)
-    with RunFolder(tmp_path_factory.mktemp("replay") / "run") as folder:
-        write_run(result, folder)
-    assert folder.final is not None
-    return result, folder.final
 
 
 @pytest.mark.thorough

@@ -9,21 +9,10 @@ import pytest
 from cli_calls import invoke, refusal
 
 from navfw.errors import ConfigError, InputError, UnknownNameError
-from navfw.missions import prepare
-from navfw.missions.run_report import write_run
-from navfw.recording import RunFolder
-from navfw.recording.what_if import _apart, _reason, _spans, what_if, what_if_lines
+from navfw.numerics.arrays import spans
+from navfw.recording.what_if import _apart, _reason, what_if, what_if_lines
 
 RULES = Path(__file__).parents[2] / "behaviors"
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    session = prepare("paper-room", "through-the-door", seed=3, overrides=["mission.timeout=6"])
-    with RunFolder(tmp_path_factory.mktemp("what-if") / "run") as target:
-        write_run(session.run(record=True), target)
-    assert target.final is not None
-    return target.final
 
 
 def test_the_same_stack_gives_the_same_commands(folder: Path) -> None:
@@ -90,8 +79,8 @@ def test_paths_are_apart_when_their_distance_exceeds_the_radius() -> None:
 def test_short_pauses_do_not_end_a_difference() -> None:
     times = np.arange(0.0, 3.0, 0.1)
     flags = (times < 0.5) | ((times > 0.7) & (times < 1.0)) | (times > 2.0)
-    assert list(_spans(times, flags)) == [(0, 9), (21, 29)]
-    assert list(_spans(times, np.zeros(30, np.bool_))) == []
+    assert list(spans(times, flags, 0.5)) == [(0, 9), (21, 29)]
+    assert list(spans(times, np.zeros(30, np.bool_), 0.5)) == []
 
 
 def test_the_reason_is_what_has_changed_most_and_asks_for_something() -> None:

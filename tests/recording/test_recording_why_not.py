@@ -8,9 +8,6 @@ import pytest
 from cli_calls import invoke, refusal
 
 from navfw.errors import InputError
-from navfw.missions import prepare
-from navfw.missions.run_report import write_run
-from navfw.recording import RunFolder
 from navfw.recording.decision_moment import DecisionMoment, Shift, moment_at
 from navfw.recording.explanations import explain_at
 from navfw.recording.why_not import (
@@ -24,15 +21,6 @@ from navfw.recording.why_not import (
 )
 
 TIMES = (1.5, 2.4, 3.3, 4.8, 5.6)
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    session = prepare("paper-room", "through-the-door", seed=3, overrides=["mission.timeout=6"])
-    with RunFolder(tmp_path_factory.mktemp("why-not") / "run") as target:
-        write_run(session.run(record=True), target)
-    assert target.final is not None
-    return target.final
 
 
 @pytest.fixture(scope="module")
