@@ -5,61 +5,39 @@ It has no thread of its own: it serves between two control ticks, and while it h
 
 from __future__ import annotations
 
-import asyncio
 import json
-import logging
-import secrets
-import socket
 import struct
 import time
 from base64 import b64encode
-from collections.abc import Awaitable, Iterable
-from contextlib import suppress
-from typing import Any
-from urllib.parse import parse_qs, urlsplit
+from collections.abc import Iterable
 
 from navfw.config.extras import extra_imports
 from navfw.errors import InputError
-from navfw.process.interruption import deferred, interruptible
 from navfw.recording import channel_list as topics
 from navfw.recording.channel_list import SeenRun, Topic
+from navfw.recording.page_server import PageServer, tell
 from navfw.signals import Pose, SensorReading, Twist
 
 with extra_imports("record"):
-    from websockets.asyncio.server import ServerConnection, broadcast, serve
-    from websockets.datastructures import Headers
+    from websockets.asyncio.server import ServerConnection, broadcast
     from websockets.exceptions import ConnectionClosed
-    from websockets.http11 import Request, Response
     from websockets.typing import Subprotocol
 
     from navfw.recording.run_channels import RunChannels, channel_schema, image_message
 
-_HOST = "127.0.0.1"
 _MIN_SPEED, _MAX_SPEED = 0.05, 50.0
 """Bounds of a run's speed [simulated per wall time]."""
 _PAGE = Subprotocol("navfw.live.v1")
 """Foxglove's protocol, and messages ``navfw``: the run's state to the page, its commands back."""
 _PROTOCOLS = (_PAGE, Subprotocol("foxglove.sdk.v1"), Subprotocol("foxglove.websocket.v1"))
-_MAX_REQUEST = 1 << 16
-"""Largest message from a client [byte]."""
 _MAX_WAITING = 1 << 22
 """What may wait for a slow client before its messages are dropped [byte]."""
 _PERIOD = 0.05
-"""Wall time between two looks at the clients while the run is held [s]."""
+"""Longest wall time between two looks at the clients while the run waits for its speed [s]."""
 _CHASE_SHARE = 0.15
 """Largest share of the wall time for views from behind."""
 _CATCH_UP = 0.2
 """Wall time by which a run may be behind its speed and still catch up [s]."""
-_SILENT = logging.Logger("navfw.live", level=logging.CRITICAL + 1)
-"""What clients do wrong is nobody's news."""
-_HEADERS = {
-    "Content-Type": "text/html; charset=utf-8",
-    "Cache-Control": "no-store",
-    "Content-Security-Policy": "frame-ancestors 'none'",
-    "Cross-Origin-Resource-Policy": "same-origin",
-    "Referrer-Policy": "no-referrer",
-    "X-Content-Type-Options": "nosniff",
-}
 
 
 class _LiveChannel:
@@ -94,25 +72,23 @@ def _send(client: ServerConnection, data: bytes) -> None:
         broadcast([client], data)
 
 
-def _tell(client: ServerConnection, **message: Any) -> None:
-    """Send a message in JSON."""
-    broadcast([client], json.dumps(message))
+class LiveServer(PageServer):
+    """Serves what is ``seen`` of a run until ``end``, to those whom ``PageServer`` answers.
 
-
-class LiveServer:
-    """Serves what is ``seen`` of a run until ``end``; ``port`` 0 takes a free one.
-
-    It listens on the loopback interface, and answers only where Host is this machine, the address
-    has the token of ``url``, and Origin, which browsers send, is the page's own or one of
-    ``origins``. ``page`` (HTML) may pause the run and set its ``speed`` [simulated per wall time],
-    None for as fast as it goes; nothing else can be commanded, and the run gives the same commands.
-    With ``wait`` it begins with the first viewer. What nobody has subscribed to is not computed,
-    and what a slow client does not fetch is dropped.
+    ``page`` (HTML) may pause the run and set its ``speed`` [simulated per wall time], None for as
+    fast as it goes; nothing else can be commanded, and the run gives the same commands. With
+    ``wait`` it begins with the first viewer. What nobody has subscribed to is not computed, and
+    what a slow client does not fetch is dropped.
 
     Raises:
         InputError: the port is in use, or must not be used; the speed is out of its bounds.
 
     """
+
+    command = "navfw run"
+    foreign = f"{PageServer.foreign} (--origin of navfw run names one that may read)"
+    protocols = _PROTOCOLS
+    max_request = 1 << 16
 
     def __init__(
         self,
@@ -125,20 +101,6 @@ class LiveServer:
         wait: bool = False,
     ) -> None:
         self._speed, self._paused, self._wait, self._ended = _checked(speed), False, wait, ""
-        try:
-            self._socket = socket.create_server((_HOST, port))
-        except OSError as error:
-            raise InputError(
-                f"port {port} cannot be served ({error.strerror}); choose another, or 0 for any"
-                " free one",
-                key="--port",
-            ) from None
-        port = self._socket.getsockname()[1]
-        self._hosts = {f"{name}:{port}" for name in (_HOST, "localhost")}
-        self._origins = {*origins, *(f"http://{host}" for host in self._hosts)}
-        self._token = secrets.token_urlsafe(16)
-        self.url = f"http://{_HOST}:{port}/?token={self._token}"
-        self._page = page.encode()
         self._open: dict[str, _LiveChannel] = {}
         self._channels = RunChannels(self._channel, seen)
         self._seen, self._chase_due = seen, 0.0
@@ -147,28 +109,7 @@ class LiveServer:
         self._time = self._due = 0.0
         self._joined = False
         self._last: tuple[SensorReading, Twist, Pose] | None = None
-        self._loop = asyncio.new_event_loop()
-        self._loop.set_exception_handler(lambda *_: None)
-        self._server = self._await(self._listen())
-
-    async def _listen(self) -> Any:
-        return await serve(
-            self._view,
-            sock=self._socket,
-            process_request=self._answer,
-            subprotocols=_PROTOCOLS,
-            max_size=_MAX_REQUEST,
-            compression=None,
-            ping_interval=None,
-            close_timeout=1.0,
-            server_header=None,
-            logger=_SILENT,
-        )
-
-    def _await(self, what: Awaitable[Any]) -> Any:
-        """The result of ``what``; an interruption waits for it."""
-        with deferred():
-            return self._loop.run_until_complete(what)
+        super().__init__(port, page, origins)
 
     def observe(self, reading: SensorReading, twist: Twist, pose: Pose) -> None:
         """Send one control tick: reading, the stack's command, the true pose; hold the run."""
@@ -202,28 +143,12 @@ class LiveServer:
         self._ended = message
         self._tell_state(self._server.connections)
         if stay:
-            with suppress(KeyboardInterrupt), interruptible():
-                while True:
-                    self._hold()
-        self._await(self._close())
-        self._loop.close()
-
-    async def _close(self) -> None:
-        self._server.close()
-        with suppress(TimeoutError):
-            await asyncio.wait_for(self._server.wait_closed(), 1.0)
-        left = asyncio.all_tasks() - {asyncio.current_task()}
-        for task in left:
-            task.cancel()
-        await asyncio.gather(*left, return_exceptions=True)
-
-    def serve(self, patience: float) -> None:
-        """Send what waits and take what arrives, for ``patience`` [s]."""
-        self._await(asyncio.sleep(patience))
+            self.stay()
+        self.close()
 
     def _hold(self) -> None:
         """Serve while the run stands still; who joins sees its newest frame."""
-        self.serve(_PERIOD)
+        super()._hold()
         if self._joined and self._last is not None:
             self._channels.observe(*self._last)
         self._joined = False
@@ -231,20 +156,11 @@ class LiveServer:
     def _channel(self, info: Topic) -> _LiveChannel:
         return self._open.setdefault(info, _LiveChannel(len(self._open), info))
 
-    def _answer(self, client: ServerConnection, request: Request) -> Response | None:
-        """The page, or a refusal; None for a viewer."""
-        if refusal := self._refusal(request):
-            return client.respond(403, f"navfw: {refusal}\n")
-        if "Upgrade" in request.headers:
-            return None
-        headers = Headers(_HEADERS | {"Content-Length": str(len(self._page))})
-        return Response(200, "OK", headers, self._page)
-
     async def _view(self, client: ServerConnection) -> None:
         """Take the messages of a viewer; one that cannot be read ends the connection."""
         about = {"name": "navfw", "capabilities": ["time"], "supportedEncodings": []}
-        _tell(client, op="serverInfo", **about, metadata={})
-        _tell(client, op="advertise", channels=[c.advertised for c in self._open.values()])
+        tell(client, op="serverInfo", **about, metadata={})
+        tell(client, op="advertise", channels=[c.advertised for c in self._open.values()])
         self._tell_state([client])
         try:
             async for text in client:
@@ -257,26 +173,13 @@ class LiveServer:
             for channel in self._open.values():
                 channel.receivers.pop(client, None)
 
-    def _refusal(self, request: Request) -> str:
-        """Why a request is refused; "" if it is not."""
-        hosts, origins = (request.headers.get_all(name) for name in ("Host", "Origin"))
-        if len(hosts) != 1 or hosts[0] not in self._hosts:
-            return "this machine has another name"
-        if not self._origins.issuperset(origins):
-            return "the page is of another origin (--origin of navfw run names one that may read)"
-        address = urlsplit(request.path)
-        token = parse_qs(address.query).get("token", [""])[0]
-        if not secrets.compare_digest(token.encode(), self._token.encode()):
-            return "the address needs the token that navfw run has printed"
-        return "" if address.path == "/" else "the page is at /"
-
     def _tell_state(self, clients: Iterable[ServerConnection]) -> None:
         state = {"paused": self._paused, "speed": self._speed, "ended": self._ended}
         for client in clients:
             if client.subprotocol == _PAGE:
-                _tell(client, op="navfw", **state)
+                tell(client, op="navfw", **state)
             elif self._ended:
-                _tell(client, op="status", level=0, message=self._ended)
+                tell(client, op="status", level=0, message=self._ended)
 
     def _take(self, client: ServerConnection, text: str | bytes) -> None:
         """Take a message of a viewer; raises errors of many kinds for one that cannot be read."""
