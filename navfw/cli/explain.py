@@ -66,7 +66,7 @@ def explain(
         _explain_at(folder, at, inference, json=json)
     else:
         with quiet_stdout():
-            from navfw.recording.decision_moment import moment_at
+            from navfw.recording.recorded_decisions import moment_at
             from navfw.recording.why_not import why_not, why_not_lines
 
             answer = why_not(moment_at(folder, at), instead)

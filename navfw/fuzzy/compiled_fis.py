@@ -275,8 +275,10 @@ class CompiledFis:
         Rules of equal strength keep the order of the rule base. One of strength 0 is never listed.
         """
         listed = [
-            FiredRule(rule=rule.sentence, strength=float(strength))
-            for rule, strength in zip(self.rule_base.rules, result.firing[index], strict=True)
+            FiredRule(rule=rule.sentence, strength=strength)
+            for rule, strength in zip(
+                self.rule_base.rules, result.firing[index].tolist(), strict=True
+            )
             if strength > 0.0 and strength >= minimum
         ]
         return sorted(listed, key=lambda fired: -fired["strength"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 _NOTHING = re.compile(r"THEN \w+ IS (no|none)(, \w+ IS (no|none))*$")  # defined
@@ -18,6 +19,37 @@ def asks_for_nothing(rule: str) -> bool:
     True
     """
     return _NOTHING.search(rule) is not None
+
+
+_MIN_CHANGE = 0.005  # chosen
+"""Least change of a rule's strength, or of a weight, that counts."""
+
+
+@dataclass(frozen=True, slots=True)
+class RuleChange:
+    """A rule whose strength, or a behaviour whose weight, has changed from ``was`` to ``now``."""
+
+    what: str
+    was: float
+    now: float
+
+    def __str__(self) -> str:
+        return f"{self.what} ({self.was:.2f} -> {self.now:.2f})"
+
+
+def rule_changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[RuleChange]:
+    """Return what differs between two explanations of a decision, the largest change first."""
+    changes: list[RuleChange] = []
+    for name in {**before.get("behaviors", {}), **now.get("behaviors", {})}:
+        pair = [one.get("behaviors", {}).get(name, {}) for one in (before, now)]
+        old, new = ({r["rule"]: r["strength"] for r in one.get("rules", ())} for one in pair)
+        for rule in {**old, **new}:
+            if not asks_for_nothing(rule):
+                change = RuleChange(f"{name}: {rule}", old.get(rule, 0.0), new.get(rule, 0.0))
+                changes.append(change)
+        changes.append(RuleChange(f"{name}: weight", *(one.get("weight", 0.0) for one in pair)))
+    counted = [one for one in changes if abs(one.now - one.was) >= _MIN_CHANGE]
+    return sorted(counted, key=lambda one: -abs(one.now - one.was))
 
 
 _OTHERS = 3  # chosen

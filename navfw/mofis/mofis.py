@@ -163,7 +163,11 @@ class Mofis:
 
     def decide(self, inputs: DecisionInputs) -> signals.Command | None:
         """Decide on the present command; None if the fusion fails."""
-        context = self.context = self._context(inputs)
+        return self.decide_in(self._context(inputs))
+
+    def decide_in(self, context: Context) -> signals.Command | None:
+        """Decide in this context, which may be a recorded one; None if the fusion fails."""
+        self.context = context
         self.proposals = {}
         asked = self.fusion.needs_proposals
         self.weights = self._weigh(context) if asked else {}

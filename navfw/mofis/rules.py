@@ -8,7 +8,7 @@ from __future__ import annotations
 import inspect
 import re
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,6 +18,7 @@ from pydantic import Field
 
 from navfw import fuzzy
 from navfw.context import CommandGrid, Context
+from navfw.errors import InputError, UnknownNameError
 from navfw.interfaces import Behavior, Composite, Plugin
 from navfw.numerics import Array
 from navfw.numerics.products import sum_in_order
@@ -106,15 +107,9 @@ class Verdict:
             name: float(value if single else np.asarray(value)[row, column])
             for name, value in self._inputs.items()
         }
+        named = self._rules.named_inputs
         return [
-            {
-                **rule,
-                "inputs": {
-                    name: value
-                    for name, value in values.items()
-                    if re.search(rf"\b{name} IS ", rule["rule"])
-                },
-            }
+            {**rule, "inputs": {name: values[name] for name in named[rule["rule"]]}}
             for rule in self._rules.fis.explain(self._result, index)
         ]
 
@@ -131,6 +126,12 @@ class BehaviorRules:
         self.fis = fuzzy.CompiledFis(self.base)
         self._terms: dict[tuple[str, bytes], Array] = {}
         self._peaks: dict[str, tuple[float, ...]] = {}
+        self.named_inputs: Mapping[str, Sequence[str]] = {
+            rule.sentence: [
+                name for name in self.base.inputs if re.search(rf"\b{name} IS ", rule.sentence)
+            ]
+            for rule in self.base.rules
+        }
 
     @classmethod
     def beside(cls, module_file: str, terms: fuzzy.TermCorners | None = None) -> BehaviorRules:
@@ -267,3 +268,33 @@ class RuledComposite(_Ruled, Composite):
     def explain(self) -> Sequence[Mapping[str, Any]]:
         """Return the rules that fired for the last weights, strongest first."""
         return () if self._fired is None else self._fired(0, 0)
+
+
+def replace_rules(
+    plugins: Iterable[Plugin | None], rules: BehaviorRules, file: Path | None = None
+) -> None:
+    """Give that of ``plugins`` whose rule base has the name of ``rules`` these instead.
+
+    ``file`` is that of the rules, in errors.
+
+    Raises:
+        InputError: no rule base has that name, or it has other inputs or outputs.
+
+    """
+    ruled = {
+        plugin.rules.base.name: plugin
+        for plugin in plugins
+        if isinstance(plugin, RuledBehavior | RuledComposite)
+    }
+    name = rules.base.name
+    if name not in ruled:
+        raise UnknownNameError("rule base of the stack", name, ruled, file=file, key="name")
+    now = ruled[name].rules.base
+    for kind, names, expected in (
+        ("inputs", rules.base.inputs, now.inputs),
+        ("outputs", rules.base.outputs, now.outputs),
+    ):
+        if set(names) != set(expected):
+            wanted = ", ".join(expected)
+            raise InputError(f"expected {wanted}; got {', '.join(names)}", file=file, key=kind)
+    ruled[name].rules = rules

@@ -32,6 +32,15 @@ float64 w                    # the stack's command [rad/s]
 """
 """The ROS 2 definition of the message."""
 
+DECISION_NAME = "navfw_msgs/msg/Decision"
+
+DECISION_SCHEMA = """\
+string values      # JSON: what behaviours and fusion knew, and the command that they gave
+float64[] numbers  # free distances, conflicts with moving obstacles, obstacles in the image
+uint8[] labels     # of the percept's cells
+"""
+"""The ROS 2 definition of the message: the context of one decision."""
+
 
 class ImageFlags(IntFlag):
     """The images that belong to a reading."""
@@ -53,6 +62,10 @@ RUN = "navfw.run"
 """Name of the metadata that describe the run, at the begin of the file."""
 END = "navfw.end"
 """Name of the metadata at the end of the data; without them the run is not complete."""
+
+
+DIGITS = 6
+"""Significant digits of numbers in messages of JSON, which are for people."""
 
 
 class Topic(str):
@@ -113,6 +126,7 @@ COMMAND = Topic(
 RULES = Topic(
     "/command/rules", "navfw.FiredRules", "10 Hz", "rules that fired, as `navfw explain --json`"
 )
+DECISION = Topic("/decision", DECISION_NAME, "10 Hz", "what behaviours and fusion knew, bit by bit")
 IMU = Topic("/imu", "sensor_msgs/msg/Imu", "60 Hz", "gyro")
 JOINTS = Topic("/joint_states", "sensor_msgs/msg/JointState", "60 Hz", "wheels")
 ODOMETRY = Topic("/odom", "nav_msgs/msg/Odometry", "10 Hz", "dead reckoning")
@@ -124,7 +138,7 @@ DRIVEN = Topic("/cmd_vel/driven", _TWIST, "10 Hz", "of a bag's replay: the bag's
 
 CHANNELS = (
     *(*SENSOR_CHANNELS, FLOW, CELLS, PERCEPT, LOCAL_MAP, LOCAL_GOAL, OBSTACLES, TRUE_OBSTACLES),
-    *(TRANSFORMS, POSE, TRUE_POSE, PATH, WORLD, PROPOSALS, COMMAND, RULES),
+    *(TRANSFORMS, POSE, TRUE_POSE, PATH, WORLD, PROPOSALS, COMMAND, RULES, DECISION),
     *(IMU, JOINTS, ODOMETRY, TWIST, CAMERA_INFO, LOG),
 )
 """All channels of a run: what a replay needs, and what people and tools look at."""

@@ -5,19 +5,15 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from navfw.context import Context
-from navfw.errors import InputError
 from navfw.interfaces import Behavior, Composite
 from navfw.mofis.mofis import Mofis
 from navfw.mofis.rules import BehaviorRules, RuledBehavior, RuledComposite, Verdict
 from navfw.numerics import Array
-from navfw.recording.explanations import explain_at
-from navfw.recording.run_replay import recorded_stack
 from navfw.signals import Command, Proposal
 
 
@@ -101,7 +97,7 @@ class DecisionMoment:
                 yield owner, name, float(value), float(universe[-1] - universe[0])
 
     def _propose(self, name: str, shifts: Mapping[str, float]) -> Proposal:
-        plugin: Behavior = _copy_of(self.behaviors[name])
+        plugin: Behavior = copy_of(self.behaviors[name])
         rules = _shift_rules(plugin, shifts)
         proposal = plugin.propose(self.context)
         if rules is not None and not shifts:
@@ -111,7 +107,7 @@ class DecisionMoment:
     def _weigh(self, shifts: Mapping[str, float]) -> Mapping[str, float]:
         if self.composite is None:
             return {}
-        plugin: Composite = _copy_of(self.composite)
+        plugin: Composite = copy_of(self.composite)
         rules = _shift_rules(plugin, shifts)
         weights = plugin.weigh(self.context)
         if rules is not None and not shifts:
@@ -120,7 +116,7 @@ class DecisionMoment:
         return weights
 
 
-def _copy_of(plugin: Any) -> Any:
+def copy_of(plugin: Any) -> Any:
     """Return a copy of a plugin that shares its robot, parameters and rules."""
     shared = [plugin.robot, plugin.params, getattr(plugin, "rules", None)]
     return copy.deepcopy(plugin, {id(one): one for one in shared})
@@ -131,37 +127,3 @@ def _shift_rules(plugin: Any, shifts: Mapping[str, float]) -> _ShiftedRules | No
         return None
     plugin.rules = rules = _ShiftedRules(plugin.rules, shifts)
     return rules
-
-
-def moment_at(folder: Path, time: float) -> DecisionMoment:
-    """Repeat a recorded run up to the decision that was in force at ``time`` [s].
-
-    Raises:
-        InputError: the folder is not that of a run with ``--record``, or is damaged; no command
-            was in force at that time; or the stack gives another one now.
-
-    """
-    recorded = explain_at(folder, time)
-    decided = float(recorded["time"])
-    stack, recording, faults = recorded_stack(folder)
-    for reading in recording.readings:
-        faults.update(reading.time)
-        last = reading.time >= decided - 1e-6
-        if last:
-            mofis = stack.mofis
-            behaviors = {name: _copy_of(plugin) for name, plugin in mofis.behaviors.items()}
-            composite = None if mofis.composite is None else _copy_of(mofis.composite)
-        stack.step(reading)
-        if last and mofis.context is not None:
-            moment = DecisionMoment(mofis, mofis.context, behaviors, composite)
-            twist = moment.decide()[0].twist
-            if (twist.v, twist.w) == (recorded["v"], recorded["w"]):
-                return moment
-            was = f"{recorded['v']:+.2f} m/s, {recorded['w']:+.2f} rad/s"
-            raise InputError(
-                f"the command at {decided:.1f} s was {was}, and is now {twist.v:+.2f} m/s,"
-                f" {twist.w:+.2f} rad/s: navfw, a plugin or its rules have changed since; `navfw"
-                " replay` says from when on",
-                file=folder,
-            )
-    raise InputError(f"the decision at {decided:g} s is not in the recording", file=folder)

@@ -15,7 +15,7 @@ from navfw.config.extras import extra_imports
 from navfw.config.input_file import open_input
 from navfw.errors import InputError
 from navfw.recording import channel_list as topics
-from navfw.recording.run_folder import recording_in
+from navfw.recording.run_folder import plain_json, recording_in
 
 _AFTER = 1.0
 """Time [s] after the last reading for which its command counts as in force."""
@@ -38,7 +38,8 @@ def explain_at(folder: str | Path, time: float, *, inference: bool = False) -> d
         from navfw.recording.run_replay import repeat_until
 
         recorded = repeat_until(folder, time)
-    explanation, last = recorded
+    explanation: dict[str, Any] = plain_json(recorded[0], topics.DIGITS)
+    last = recorded[1]
     if time < 0.0 or time > last + _AFTER or not explanation:
         raise InputError(
             f"no command was in force at {time:g} s; expected a time within the run's "

@@ -250,7 +250,7 @@ def export_bag(folder: Path, target: Path) -> dict[str, int]:
     kinds = {
         topic: kind
         for topic, kind in run.topics.items()
-        if topic != topics.READING and kind in message_types().types
+        if topic not in (topics.READING, topics.DECISION) and kind in message_types().types
     }
     counts = dict.fromkeys(map(_name, kinds), 0)
     with AtomicFolder(target, _FILES, "--to") as atomic:

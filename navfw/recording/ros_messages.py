@@ -15,7 +15,13 @@ import numpy as np
 
 from navfw.config.extras import extra_imports
 from navfw.numerics import Image
-from navfw.recording.channel_list import SCHEMA, SCHEMA_NAME, ImageFlags
+from navfw.recording.channel_list import (
+    DECISION_NAME,
+    DECISION_SCHEMA,
+    SCHEMA,
+    SCHEMA_NAME,
+    ImageFlags,
+)
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Belief, Odometry, Pose, SensorReading, Twist
 
@@ -39,6 +45,7 @@ def message_types(*, ros1: bool = False) -> Typestore:
         return get_typestore(Stores.ROS1_NOETIC)
     store = get_typestore(Stores.ROS2_JAZZY)
     store.register(get_types_from_msg(SCHEMA, SCHEMA_NAME))
+    store.register(get_types_from_msg(DECISION_SCHEMA, DECISION_NAME))
     return store
 
 

@@ -63,18 +63,22 @@ def recording_in(folder: str | Path) -> Path:
     raise ConfigError("contains no sensor readings; run again with --record", file=folder)
 
 
-def plain_json(value: Any) -> Any:
-    """``value`` with numpy scalars, tuples and paths as JSON values; inf and nan become null."""
-    if isinstance(value, Mapping):
-        return {str(key): plain_json(item) for key, item in value.items()}
-    if isinstance(value, list | tuple | set | frozenset):
-        return [plain_json(item) for item in value]
-    if hasattr(value, "tolist"):  # a numpy scalar or array
-        return plain_json(value.tolist())
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if value is None or isinstance(value, bool | int | str):
+def plain_json(value: Any, digits: int = 17) -> Any:
+    """``value`` with numpy scalars, tuples and paths as JSON values; inf and nan become null.
+
+    Numbers have at most that many significant ``digits``.
+    """
+    if value is None or isinstance(value, str | bool | int):
         return value
+    if isinstance(value, float):
+        rounded = value if digits >= 17 else float(f"{value:.{digits}g}")
+        return rounded if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {str(key): plain_json(item, digits) for key, item in value.items()}
+    if isinstance(value, list | tuple | set | frozenset):
+        return [plain_json(item, digits) for item in value]
+    if hasattr(value, "tolist"):  # a numpy scalar or array
+        return plain_json(value.tolist(), digits)
     return str(value)
 
 

@@ -289,7 +289,7 @@ class RunRecorder:
         options = MCAPWriteOptions(
             profile=f"{topics.PROFILE}{topics.FORMAT_VERSION}",
             chunk_size=_CHUNK,
-            compression_level=1,
+            compression_level=3,
             compression_threads=0,
             disable_seeking=True,  # whole chunks, one after the other
         )

@@ -199,10 +199,7 @@ def recorded_stack(
     from navfw.stack import ShadowStack, Stack
     from navfw.topomap import load_map
 
-    config = read_result(folder).get("config")
-    with rewording(prefix="config.mission.", file=folder / RESULT):
-        data = config.get("mission") if isinstance(config, dict) else None
-        mission = RecordedMission.model_validate(data)
+    mission = recorded_mission(folder)
     file = recording_in(folder)
     recording = load_recording(file)
     _check_images(recording, mission.robot.camera, file)
@@ -218,6 +215,19 @@ def recorded_stack(
     goals = [Waypoint.goal(goal.x, goal.y, tolerance, goal.place) for goal in mission.goals]
     stack.start(Pose(*mission.start) if mission.start_known else None, goals)
     return stack, recording, faults
+
+
+def recorded_mission(folder: Path) -> RecordedMission:
+    """Return the mission of a recorded run.
+
+    Raises:
+        InputError: the folder is not that of a run, or is damaged.
+
+    """
+    config = read_result(folder).get("config")
+    with rewording(prefix="config.mission.", file=folder / RESULT):
+        data = config.get("mission") if isinstance(config, dict) else None
+        return RecordedMission.model_validate(data)
 
 
 def _check_images(recording: SensorRecording, camera: CameraModel, file: Path) -> None:

@@ -16,9 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from navfw.errors import InputError, UnknownNameError
-from navfw.mofis.explanation_text import asks_for_nothing
-from navfw.mofis.rules import BehaviorRules, RuledBehavior, RuledComposite
+from navfw.mofis.explanation_text import RuleChange, rule_changes
+from navfw.mofis.rules import BehaviorRules, replace_rules
 from navfw.numerics import Array, Mask
 from navfw.numerics.arrays import spans
 from navfw.recording import channel_list as topics
@@ -26,7 +25,6 @@ from navfw.recording.recorded_run import RecordedRun
 from navfw.recording.run_folder import recording_in
 from navfw.recording.run_replay import recorded_stack
 from navfw.signals import Pose
-from navfw.stack import Stack
 
 _PAUSE = 0.5
 """Time [s] between two differences up to which they are one."""
@@ -39,9 +37,6 @@ _LISTED = 20
 
 _REASONS = 3
 """Largest number of reasons that are printed."""
-
-_MIN_CHANGE = 0.005
-"""Least change of a rule's strength, or of a weight, that is a reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,11 +103,12 @@ def what_if(
     """
     changed, recording, faults = recorded_stack(folder, stack, overrides)
     for file in rules:
-        replace_rules(changed, file)
+        plugins = *changed.mofis.behaviors.values(), changed.mofis.composite
+        replace_rules(plugins, BehaviorRules(file), file)
     recorded = _recorded(RecordedRun(recording_in(folder)))
     twists = np.zeros((len(recording), 2))
     held: list[str] = []
-    reasons: dict[float, _Reason] = {}
+    reasons: dict[float, RuleChange] = {}
     for index, reading in enumerate(recording.readings):
         faults.update(reading.time)
         twist = changed.step(reading)
@@ -121,9 +117,9 @@ def what_if(
         differs = (np.abs(twists[index] - recording.commands[index]) >= _OTHER).any()
         if differs and reading.frame is not None:
             before = recorded.get(topics.nanoseconds(reading.time), {})
-            reason = _reason(before, changed.explain(inference=False))
-            if reason is not None:
-                reasons[reading.time] = reason
+            changes = rule_changes(before, changed.explain(inference=False))
+            if changes:
+                reasons[reading.time] = changes[0]
     times = recording.times
     differ: Mask = np.asarray((np.abs(twists - recording.commands) >= _OTHER).any(axis=1))
     first = float(times[differ.argmax()]) if differ.any() else None
@@ -146,34 +142,6 @@ def what_if(
         vetoes_new=tuple(_vetoes(times, held, held_before)),
         vetoes_gone=tuple(_vetoes(times, held_before, held)),
     )
-
-
-def replace_rules(stack: Stack, file: Path) -> None:
-    """Give the behaviour or composite of ``stack`` whose rule base has that name those in ``file``.
-
-    Raises:
-        InputError: no rule base of the stack has that name, or it has other inputs or outputs.
-
-    """
-    rules = BehaviorRules(file)
-    plugins = [*stack.mofis.behaviors.values(), stack.mofis.composite]
-    ruled = {
-        plugin.rules.base.name: plugin
-        for plugin in plugins
-        if isinstance(plugin, RuledBehavior | RuledComposite)
-    }
-    name = rules.base.name
-    if name not in ruled:
-        raise UnknownNameError("rule base of the stack", name, ruled, file=file, key="name")
-    now = ruled[name].rules.base
-    for kind, names, expected in (
-        ("inputs", rules.base.inputs, now.inputs),
-        ("outputs", rules.base.outputs, now.outputs),
-    ):
-        if set(names) != set(expected):
-            wanted = ", ".join(expected)
-            raise InputError(f"expected {wanted}; got {', '.join(names)}", file=file, key=kind)
-    ruled[name].rules = rules
 
 
 # --- comparing -----------------------------------------------------------------------------------
@@ -206,7 +174,7 @@ def _difference(
     recorded: Array,
     changed: Array,
     span: tuple[int, int],
-    reasons: Mapping[float, _Reason],
+    reasons: Mapping[float, RuleChange],
 ) -> OtherCommands:
     first, last = span
     part = slice(first, last + 1)
@@ -217,33 +185,6 @@ def _difference(
     v, w = recorded[most].tolist()
     other_v, other_w = changed[most].tolist()
     return OtherCommands(begin, end, (v, w), (other_v, other_w), why)
-
-
-@dataclass(frozen=True, slots=True)
-class _Reason:
-    """A rule whose strength, or a behaviour whose weight, has changed from ``was`` to ``now``."""
-
-    what: str
-    was: float
-    now: float
-
-    def __str__(self) -> str:
-        return f"{self.what} ({self.was:.2f} -> {self.now:.2f})"
-
-
-def _reason(before: Mapping[str, Any], now: Mapping[str, Any]) -> _Reason | None:
-    """What differs the most between two explanations; None if next to nothing does."""
-    changes: list[_Reason] = []
-    for name in {**before.get("behaviors", {}), **now.get("behaviors", {})}:
-        pair = [one.get("behaviors", {}).get(name, {}) for one in (before, now)]
-        old, new = ({r["rule"]: r["strength"] for r in one.get("rules", ())} for one in pair)
-        for rule in {**old, **new}:
-            if asks_for_nothing(rule):
-                continue
-            changes.append(_Reason(f"{name}: {rule}", old.get(rule, 0.0), new.get(rule, 0.0)))
-        changes.append(_Reason(f"{name}: weight", *(one.get("weight", 0.0) for one in pair)))
-    most = max(changes, key=lambda one: abs(one.now - one.was), default=None)
-    return most if most is not None and abs(most.now - most.was) >= _MIN_CHANGE else None
 
 
 def _vetoes(times: Array, held: Sequence[str], other: Sequence[str]) -> Iterator[OtherVeto]:

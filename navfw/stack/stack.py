@@ -10,8 +10,6 @@ from typing import Any, Self
 
 from navfw.config.input_file import shown_path
 from navfw.config.lookup import find
-from navfw.context import CommandGrid
-from navfw.egomotion import seeing_speed
 from navfw.egomotion.floor_odometry import FloorOdometry
 from navfw.egomotion.odometer import Odometer, OdometryHistory
 from navfw.errors import ConfigError
@@ -19,7 +17,7 @@ from navfw.guard import PluginGuard, construct, guarded_stages
 from navfw.localization.passage_walls import KnownWalls
 from navfw.localmap import LocalMap
 from navfw.locom.unicycle import WheelTrim
-from navfw.mofis.mofis import DecisionInputs, Mofis, explain_command
+from navfw.mofis.mofis import DecisionInputs, explain_command
 from navfw.movers import ConflictPredictor, Tracker
 from navfw.robot import RobotModel
 from navfw.safety import SafetyMonitor, SafetyVerdict
@@ -39,7 +37,7 @@ from navfw.signals import (
 )
 from navfw.stack.map_growth import MapGrowth
 from navfw.stack.stack_state import ProgressWatch, StackState, why_slower
-from navfw.stack.stackfile import Choice, PluginSource, StackConfig, load_stack
+from navfw.stack.stackfile import Choice, PluginSource, StackConfig, load_stack, mofis_of
 from navfw.stack.stopwatch import timed
 from navfw.stack.vision import View, Vision, ready_frame, straight_reading
 from navfw.topomap import TopoMap
@@ -84,21 +82,11 @@ class Stack:
         self.localizer = guarded_stages.GuardedLocalizer(self.guard, build(stages["localizer"]))
         self.planner = guarded_stages.GuardedPlanner(self.guard, build(stages["planner"]))
         self.controller = guarded_stages.GuardedController(self.guard, build(stages["controller"]))
-        behaviors = {name: build(choice) for name, choice in config.behaviors.items()}
         self.local_map = LocalMap(robot, settings.local_map)
         self.known_walls = KnownWalls.of(topo_map.floor_plan, robot)
         self.tracker = Tracker(robot, settings.movers.tracking)
         self.conflicts = ConflictPredictor(robot, settings.movers.conflicts)
-        self.mofis = Mofis(
-            robot,
-            behaviors,
-            build(stages["fusion"]),
-            CommandGrid(robot, settings.commands, seeing_speed(robot, settings.pairing)),
-            self.local_map,
-            build(stages["composite"]),
-            self.guard,
-            config.known,
-        )
+        self.mofis = mofis_of(config, robot, self.guard, self.local_map)
         self.growth = MapGrowth(robot, settings.growing_map)
         self.safety = SafetyMonitor(robot, self.local_map, settings.safety)
         self.trim = WheelTrim(robot)

@@ -18,12 +18,16 @@ from navfw.config.overrides import Override, apply_overrides, parse_override
 from navfw.config.strict_model import StrictModel
 from navfw.config.yaml_text import KeyPath
 from navfw.config.yamlfile import validate
-from navfw.context import CommandGridParams
+from navfw.context import CommandGrid, CommandGridParams
+from navfw.egomotion import seeing_speed
 from navfw.egomotion.pairing import PairingParams
 from navfw.errors import ConfigError, UnknownNameError, did_you_mean
+from navfw.guard import PluginGuard, construct
 from navfw.interfaces import Plugin
-from navfw.localmap import LocalMapParams
+from navfw.localmap import LocalMap, LocalMapParams
+from navfw.mofis.mofis import Mofis
 from navfw.movers import MoverParams
+from navfw.robot import RobotModel
 from navfw.safety import SafetyParams
 from navfw.stack.stack_document import STAGES, read_stack
 
@@ -163,11 +167,15 @@ class StackConfig:
 
 
 def load_stack(
-    path: str | Path, plugins: PluginSource, overrides: Sequence[str] = ()
+    path: str | Path,
+    plugins: PluginSource,
+    overrides: Sequence[str] = (),
+    stages: Sequence[str] = STAGES,
 ) -> StackConfig:
     """Load the stack file at ``path`` and apply ``overrides``, such as ``offis.layers=1``.
 
-    The first name of an override is a plugin of the stack or a section of the file.
+    The first name of an override is a plugin of the stack or a section of the file. Of the
+    ``stages`` that are left out no plugin is looked at.
 
     Raises:
         ConfigError: the file or an override breaks the schema or a plugin's parameters.
@@ -179,17 +187,38 @@ def load_stack(
     placed = [_placed(parse_override(text), document) for text in overrides]
     document = apply_overrides(document, placed)
     spec = validate(document, StackSpec)
-    stages = {
-        stage: _choose(document, plugins, stage, stage, *getattr(spec, stage)) for stage in STAGES
+    chosen = {
+        stage: _choose(document, plugins, stage, stage, *getattr(spec, stage)) for stage in stages
     }
     behaviors = {
         name: _choose(document, plugins, "behavior", "behaviors", name) for name in spec.behaviors
     }
     if not spec.oracle:
-        _refuse_oracles(document, {**stages, **{f"behaviors.{n}": c for n, c in behaviors.items()}})
+        _refuse_oracles(document, {**chosen, **{f"behaviors.{n}": c for n, c in behaviors.items()}})
     settings = StackSettings(**{name: getattr(spec, name) for name in StackSettings.model_fields})
     known = frozenset((*behaviors, *plugins.names("behavior")))
-    return StackConfig(stages, behaviors, settings, known)
+    return StackConfig(chosen, behaviors, settings, known)
+
+
+def mofis_of(
+    config: StackConfig, robot: RobotModel, guard: PluginGuard, local_map: LocalMap
+) -> Mofis:
+    """Build MOFIS with the behaviours, composite and fusion of a stack file."""
+
+    def build(choice: Choice) -> Any:
+        return construct(choice.plugin, robot, choice.params)
+
+    settings, behaviors = config.settings, config.behaviors
+    return Mofis(
+        robot,
+        {name: build(choice) for name, choice in behaviors.items()},
+        build(config.stages["fusion"]),
+        CommandGrid(robot, settings.commands, seeing_speed(robot, settings.pairing)),
+        local_map,
+        build(config.stages["composite"]),
+        guard,
+        config.known,
+    )
 
 
 def _refuse_oracles(document: YamlDocument, choices: Mapping[str, Choice]) -> None:

@@ -9,8 +9,9 @@ import pytest
 from cli_calls import invoke, refusal
 
 from navfw.errors import ConfigError, InputError, UnknownNameError
+from navfw.mofis.explanation_text import rule_changes
 from navfw.numerics.arrays import spans
-from navfw.recording.what_if import _apart, _reason, what_if, what_if_lines
+from navfw.recording.what_if import _apart, what_if, what_if_lines
 
 RULES = Path(__file__).parents[2] / "behaviors"
 
@@ -91,8 +92,8 @@ def test_the_reason_is_what_has_changed_most_and_asks_for_something() -> None:
         ]
         return {"behaviors": {"avoid": {"weight": weight, "rules": rules}}}
 
-    assert str(_reason(said(0.1, 0.5), said(0.9, 0.6))) == (
+    assert str(rule_changes(said(0.1, 0.5), said(0.9, 0.6))[0]) == (
         "avoid: IF a IS b THEN prohibit IS yes (0.10 -> 0.90)"
     )
-    assert str(_reason(said(0.1, 0.0), said(0.1, 0.6))) == "avoid: weight (0.00 -> 0.60)"
-    assert _reason(said(0.1, 0.5), said(0.1, 0.5)) is None
+    assert str(rule_changes(said(0.1, 0.0), said(0.1, 0.6))[0]) == "avoid: weight (0.00 -> 0.60)"
+    assert not rule_changes(said(0.1, 0.5), said(0.1, 0.5))
