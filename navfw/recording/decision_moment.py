@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from navfw.context import Context
+from navfw.fuzzy import RuleBase, Variable
+from navfw.fuzzy.membership import Trapezoid
 from navfw.interfaces import Behavior, Composite
 from navfw.mofis.mofis import Mofis
 from navfw.mofis.rules import BehaviorRules, RuledBehavior, RuledComposite, Verdict
@@ -19,19 +21,57 @@ from navfw.signals import Command, Proposal
 
 @dataclass(frozen=True, slots=True)
 class Shift:
-    """A change to try: ``amount`` is added to an input, or multiplies a weight."""
+    """A change to try: ``amount`` is added to an input or break point, or multiplies a weight.
+
+    It is of the ``name``d input of a behaviour's or composite's rules; of the weight of their rule
+    number ``rule``; of the break point ``corner`` (input, term, number) of a term; or, with none of
+    these, of the behaviour's own weight.
+    """
 
     behavior: str
-    name: str = ""  # of an input; empty for the weight
-    amount: float = 0.0
+    amount: float
+    name: str = ""
+    rule: int | None = None
+    corner: tuple[str, str, int] | None = None
+
+    @property
+    def multiplies(self) -> bool:
+        """Whether the amount is a factor, of a weight."""
+        return not self.name and self.corner is None
+
+    def scaled(self, share: float) -> Shift:
+        """Return that ``share`` of the change."""
+        if self.multiplies:
+            return replace(self, amount=1.0 + share * (self.amount - 1.0))
+        return replace(self, amount=share * self.amount)
+
+
+def edited(base: RuleBase, shifts: Sequence[Shift]) -> RuleBase:
+    """Return ``base`` with parts of rules changed; ValueError if a break point passes another."""
+    rules, inputs = list(base.rules), dict(base.inputs)
+    for shift in shifts:
+        if shift.rule is not None:
+            rule = rules[shift.rule]
+            rules[shift.rule] = replace(rule, weight=min(1.0, rule.weight * shift.amount))
+        elif shift.corner is not None:
+            name, term, number = shift.corner
+            shape = inputs[name].terms[term]
+            places = list(shape.corners)
+            places[number] += shift.amount
+            terms = {**inputs[name].terms, term: Trapezoid(tuple(places))}
+            inputs[name] = replace(inputs[name], terms=terms)
+    return replace(base, rules=tuple(rules), inputs=inputs)
 
 
 class _ShiftedRules(BehaviorRules):
-    """Rules, one input of which is shifted; ``seen`` are the values before that."""
+    """Rules with some changes; ``seen`` are the values of inputs before that."""
 
-    def __init__(self, rules: BehaviorRules, shifts: Mapping[str, float]) -> None:
-        vars(self).update(vars(rules))
-        self._shifts = shifts
+    def __init__(self, rules: BehaviorRules, shifts: Sequence[Shift]) -> None:
+        if any(not shift.name for shift in shifts):
+            super().__init__(edited(rules.base, shifts))
+        else:
+            vars(self).update(vars(rules))
+        self._shifts = {shift.name: shift.amount for shift in shifts}
         self.seen: dict[str, Array] = {}
 
     def evaluate(self, **inputs: float) -> Verdict:
@@ -60,22 +100,28 @@ class DecisionMoment:
     composite: Composite | None
     _raw: dict[str, Proposal] = field(default_factory=dict)
     _weights: Mapping[str, float] = field(default_factory=dict)
+    _weighing: Sequence[Mapping[str, Any]] = ()
     _values: dict[tuple[str, str], Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._weights = self._weigh({})
+        self._weights = self._weigh(())
         for name in self.behaviors:
-            self._raw[name] = self._propose(name, {})
+            self._raw[name] = self._propose(name, ())
 
     def decide(self, shifts: Sequence[Shift] = ()) -> tuple[Command, dict[str, Proposal]]:
-        """Return the command, and the weighted proposals, with ``shifts`` applied."""
+        """Return the command, and the weighted proposals, with ``shifts`` applied.
+
+        Raises:
+            ValueError: a break point would pass another one.
+
+        """
         weights, factors = self._weights, dict[str, float]()
-        by_plugin: dict[str, dict[str, float]] = {}
+        by_plugin: dict[str, list[Shift]] = {}
         for shift in shifts:
-            if shift.name:
-                by_plugin.setdefault(shift.behavior, {})[shift.name] = shift.amount
-            else:
+            if shift.multiplies and shift.rule is None:
                 factors[shift.behavior] = shift.amount
+            else:
+                by_plugin.setdefault(shift.behavior, []).append(shift)
         if self.composite is not None and self.composite.name in by_plugin:
             weights = self._weigh(by_plugin[self.composite.name])
         proposals = {}
@@ -85,18 +131,37 @@ class DecisionMoment:
             proposals[name] = moved.weighted(degree)
         return self.mofis.fusion.fuse(self.context, proposals), proposals
 
-    def inputs(self, cell: tuple[int, int]) -> Iterator[tuple[str, str, float, float]]:
-        """Behaviour, input, its value for the command at ``cell``, and its range's length."""
+    def inputs(self, cell: tuple[int, int]) -> Iterator[tuple[str, Variable, float]]:
+        """Behaviour or composite, input, and its value for the command at ``cell``."""
         for (owner, name), values in self._values.items():
-            plugin = self.behaviors.get(owner, self.composite)
-            if isinstance(plugin, RuledBehavior | RuledComposite):
-                universe = plugin.rules.base.inputs[name].universe
-                value = (
-                    values[cell] if values.shape == self.mofis.commands.shape else values.flat[0]
-                )
-                yield owner, name, float(value), float(universe[-1] - universe[0])
+            rules = self.rules_of(owner)
+            if rules is not None:
+                many = values.shape == self.mofis.commands.shape
+                value = float(values[cell] if many else values.flat[0])
+                yield owner, rules.base.inputs[name], value
 
-    def _propose(self, name: str, shifts: Mapping[str, float]) -> Proposal:
+    def fired(self, owner: str, cell: tuple[int, int]) -> Mapping[str, float]:
+        """Return the strength of each rule of a behaviour or composite that fired for ``cell``."""
+        proposal = self._raw.get(owner)
+        rules = self._weighing if proposal is None else proposal.explain(*cell)
+        return {rule["rule"]: rule["strength"] for rule in rules}
+
+    def touches(self, shift: Shift) -> bool:
+        """Return whether a moved break point changes the degree of any value of its input."""
+        rules = self.rules_of(shift.behavior)
+        if shift.corner is None or rules is None:
+            return True
+        name, term, _ = shift.corner
+        values = self._values.get((shift.behavior, name), np.empty(0))
+        moved = edited(rules.base, [shift]).inputs[name].terms[term]
+        return not np.array_equal(moved(values), rules.base.inputs[name].terms[term](values))
+
+    def rules_of(self, owner: str) -> BehaviorRules | None:
+        """Return the rules of a behaviour or composite; None if it has none."""
+        plugin = self.behaviors.get(owner, self.composite)
+        return plugin.rules if isinstance(plugin, RuledBehavior | RuledComposite) else None
+
+    def _propose(self, name: str, shifts: Sequence[Shift]) -> Proposal:
         plugin: Behavior = copy_of(self.behaviors[name])
         rules = _shift_rules(plugin, shifts)
         proposal = plugin.propose(self.context)
@@ -104,14 +169,14 @@ class DecisionMoment:
             self._values |= {(name, one): np.asarray(seen) for one, seen in rules.seen.items()}
         return proposal
 
-    def _weigh(self, shifts: Mapping[str, float]) -> Mapping[str, float]:
+    def _weigh(self, shifts: Sequence[Shift]) -> Mapping[str, float]:
         if self.composite is None:
             return {}
         plugin: Composite = copy_of(self.composite)
         rules = _shift_rules(plugin, shifts)
         weights = plugin.weigh(self.context)
         if rules is not None and not shifts:
-            owner = self.composite.name
+            owner, self._weighing = self.composite.name, plugin.explain()
             self._values |= {(owner, one): np.asarray(seen) for one, seen in rules.seen.items()}
         return weights
 
@@ -122,7 +187,7 @@ def copy_of(plugin: Any) -> Any:
     return copy.deepcopy(plugin, {id(one): one for one in shared})
 
 
-def _shift_rules(plugin: Any, shifts: Mapping[str, float]) -> _ShiftedRules | None:
+def _shift_rules(plugin: Any, shifts: Sequence[Shift]) -> _ShiftedRules | None:
     if not isinstance(plugin, RuledBehavior | RuledComposite):
         return None
     plugin.rules = rules = _ShiftedRules(plugin.rules, shifts)

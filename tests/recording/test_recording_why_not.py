@@ -8,14 +8,13 @@ import pytest
 from cli_calls import invoke, refusal
 
 from navfw.errors import InputError
-from navfw.recording.decision_moment import DecisionMoment, Shift
+from navfw.recording.decision_moment import DecisionMoment
 from navfw.recording.explanations import explain_at
 from navfw.recording.recorded_decisions import moment_at
+from navfw.recording.smallest_change import _least
 from navfw.recording.why_not import (
     DIRECTIONS,
-    Change,
     WhyNot,
-    _least,
     _predicate,
     why_not,
     why_not_lines,
@@ -38,13 +37,6 @@ def answers(moment: DecisionMoment) -> list[tuple[str, WhyNot]]:
         except InputError as error:
             assert "was that" in str(error) or "no command of the robot's" in str(error)
     return found
-
-
-def shift(change: Change, share: float = 1.0) -> Shift:
-    if change.name == "weight":
-        factor = change.after / change.before
-        return Shift(change.behavior, "", 1.0 + share * (factor - 1.0))
-    return Shift(change.behavior, change.name, share * (change.after - change.before))
 
 
 @pytest.mark.parametrize("time", TIMES)
@@ -72,10 +64,10 @@ def test_each_change_turns_the_decision_and_half_of_it_does_not(
         turned = _predicate(wanted, given, moment)
         assert answer.changes or answer.pair or "no change" in why_not_lines(answer)[-1]
         for change in answer.changes:
-            assert turned(moment.decide([shift(change)])[0].twist), (wanted, change)
-            assert not turned(moment.decide([shift(change, 0.5)])[0].twist), (wanted, change)
+            assert turned(moment.decide([change.shift])[0].twist), (wanted, change)
+            assert not turned(moment.decide([change.shift.scaled(0.5)])[0].twist), (wanted, change)
         if answer.pair:
-            both = [shift(change) for change in answer.pair]
+            both = [change.shift for change in answer.pair]
             assert turned(moment.decide(both)[0].twist), (wanted, answer.pair)
         sizes = [change.size for change in answer.changes]
         assert sizes == sorted(sizes)

@@ -6,6 +6,7 @@ import shlex
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -224,6 +225,28 @@ def real(
     _bench("real", options, measure, tables, json=json, quiet=quiet)
 
 
+def explain(
+    runs: Annotated[
+        list[Path] | None, typer.Argument(help="Run folders; by default four drives are recorded.")
+    ] = None,
+    decisions: Annotated[int, typer.Option(min=1, max=10_000, help="Number of decisions.")] = 200,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the drives and decisions.")] = 0,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Check explanations of decisions. Applies each change that would have turned one."""
+    with quiet_stdout():
+        from navfw_benchmarks.bench import explained_decisions
+
+    def measure(report: ProgressCallback) -> dict[str, Any]:
+        with TemporaryDirectory() as folder:
+            of = runs or explained_decisions.recorded_runs(Path(folder), seed, report)
+            return explained_decisions.bench_explain(of, decisions, seed, report)
+
+    options = {"decisions": decisions, "seed": seed}
+    _bench("explain", options, measure, explained_decisions.tables, json=json, quiet=quiet)
+
+
 bench = command_group("Measure accuracy and computing time.")
-for _command in (loop, perception, flow, real, planning, landmarks, gym):
+for _command in (loop, perception, flow, real, planning, landmarks, gym, explain):
     bench.command()(_command)
