@@ -12,7 +12,6 @@ from navfw.errors import InputError
 from navfw.localmap.cell_arrays import cell_disc, distances, small_spots
 from navfw.mapping.map_changes import ROOM, MapChange, centres_of, room_on
 from navfw.mapping.matching import plan_of
-from navfw.mapping.sharpening import sharpened
 from navfw.numerics import Array, Mask
 from navfw.signals import GrownGrid, Pose
 from navfw.signals.grown_grid import FREE_BELOW, OCCUPIED_FROM, Evidence
@@ -20,6 +19,7 @@ from navfw.topomap import Passage, Place, TopoMap
 from navfw.topomap.clearance_grid import ClearanceGrid
 from navfw.topomap.map_builder import MARGIN, build_map
 from navfw.topomap.occupancy_map import FREE, OCCUPIED, OccupancyMap
+from navfw.topomap.sharpening import sharpened
 
 _SPECK = 0.06  # chosen
 """Area [m^2] of unseen ground amid free ground that counts as free: gaps between rays."""

@@ -13,10 +13,10 @@ import numpy as np
 
 from navfw.localization.plan_field import PlanField, PlanScan
 from navfw.mapping.evidence_grid import EvidenceGrid, KeyPose
-from navfw.mapping.sharpening import RIDGE, sharpened
 from navfw.numerics import Array
 from navfw.signals import GrownGrid, Pose
 from navfw.topomap.occupancy_map import FREE, OCCUPIED, UNKNOWN, OccupancyMap
+from navfw.topomap.sharpening import sharpened
 
 _POINT_SIGMA = 0.03  # chosen
 """Standard deviation [m] of a surface point in a submap."""
@@ -86,7 +86,7 @@ class LocalPlan:
         canvas = EvidenceGrid(cell)
         for key in keys:
             canvas.merge(key)
-        plan = plan_of(GrownGrid(sharpened(canvas.cells, RIDGE), canvas.origin, cell))
+        plan = plan_of(GrownGrid(sharpened(canvas.cells), canvas.origin, cell))
         self._plan, self.field = plan, PlanField(plan, surfaces=True)
 
     @classmethod
