@@ -19,7 +19,14 @@ from navfw.interfaces import Planner
 from navfw.numerics import Array
 from navfw.papfis.frontier_choice import INPUTS, RULE_BASE, FrontierRules, inputs_of
 from navfw.papfis.given_up import GivenUp, Pursuit, narrow_passages
-from navfw.papfis.known_ground import MIN_GAIN, Frontier, KnownGround, steady, without_spots
+from navfw.papfis.known_ground import (
+    MIN_GAIN,
+    Frontier,
+    KnownGround,
+    steady,
+    with_thin_walls,
+    without_spots,
+)
 from navfw.signals import Belief, GrownGrid, PassageQuery, PassageReport, Pose, Waypoint
 from navfw.topomap import TopoMap
 
@@ -205,9 +212,10 @@ class Explorer(Planner):
         pose = self._pose or Pose(0.0, 0.0, 0.0)
         at, home = (pose.x, pose.y), self._home
         ground, costs, candidates = self._looked(grid, at, time)
-        if not candidates:
-            again = self._looked(without_spots(grid), at, time)
-            ground, costs, candidates = again if again[2] else (ground, costs, candidates)
+        for other in (without_spots, with_thin_walls):
+            if not candidates:
+                again = self._looked(other(grid), at, time)
+                ground, costs, candidates = again if again[2] else (ground, costs, candidates)
         last = self._choice.frontier if self._choice and self._pursuit else None
         same = None if last is None else _nearest(candidates, (last.x, last.y))
         away = [f for f in candidates if f is same or math.dist((f.x, f.y), at) >= _BLIND]

@@ -18,6 +18,7 @@ from navfw.papfis.frontier_kernels import free_line, steepest_path, unseen_in_vi
 from navfw.robot import RobotModel
 from navfw.signals import GrownGrid, Waypoint
 from navfw.topomap.occupancy_map import FREE, OCCUPIED, OccupancyMap
+from navfw.topomap.sharpening import sharpened
 
 Point = tuple[float, float]
 
@@ -282,6 +283,14 @@ def without_spots(grid: GrownGrid) -> GrownGrid:
     evidence = grid.log_odds.copy()
     evidence[small[labels]] = 0
     return GrownGrid(evidence, grid.origin, grid.cell)
+
+
+def with_thin_walls(grid: GrownGrid) -> GrownGrid:
+    """Return ``grid`` with the bands around walls as thin as surfaces.
+
+    The bands of its two sides close a narrow doorway that the body fits through.
+    """
+    return GrownGrid(sharpened(grid.log_odds, continuous=True), grid.origin, grid.cell)
 
 
 def without_specks(free: Mask, occupied: Mask, largest: float) -> Mask:

@@ -4,6 +4,7 @@ import itertools
 import math
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -247,6 +248,24 @@ def explorer(**params: object) -> Explorer:
     planner = Explorer(ROBOT, Explorer.Params(**params))  # type: ignore[arg-type]
     planner.start(NOWHERE, [])
     return planner
+
+
+@pytest.mark.parametrize(("width", "looks"), [(0.65, True), (0.3, False)])
+def test_a_doorway_between_the_bands_of_its_sides_is_looked_at(width: float, looks: bool) -> None:
+    wall, half = ~room(4.0, 3.0)[0], round(0.5 * width / CELL)
+    wall = np.pad(wall, ((0, 0), (0, 8)), constant_values=True)  # the right one is 0.45 m thick
+    wall[30 - half : 30 + half, 81:] = False
+    band = cv2.dilate(wall.view(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    evidence = np.where(wall, 64, np.where(band, 30, FREE)).astype(np.int8)
+    evidence[:, 85:] = 0  # the inner half of the doorway is unseen
+    planner = explorer(return_home=False)
+    planner.observe_grid(GrownGrid(evidence, (0.0, 0.0), CELL))
+    planner.update(Belief(0.0, Pose(2.0, 1.5, 0.0), np.zeros((3, 3))))
+    chosen = planner.explain_choice()
+    assert (chosen["heads_for"] == "frontier") == looks
+    if looks:
+        assert chosen["x"] == pytest.approx(4.2, abs=0.2)
+        assert chosen["y"] == pytest.approx(1.5, abs=0.2)
 
 
 @pytest.mark.thorough
