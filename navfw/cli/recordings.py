@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -88,6 +87,10 @@ def replay(
     overrides: _Overrides = None,
     rules: _Rules = None,
     topic: Topic = None,
+    report: Annotated[
+        bool,
+        typer.Option("--report", help="Of a changed stack: write its commands into the report."),
+    ] = False,
     out: Annotated[
         Path | None, typer.Option(help="Of a bag: run folder [default: runs/BAG-replay].")
     ] = None,
@@ -117,13 +120,24 @@ def replay(
     for option, value in {**of_bag, "--topic": topic, "--out": out}.items():
         if value:
             raise typer.BadParameter("is for a bag", param_hint=option)
-    if overrides or rules or stack is not None:
+    changes = [*(overrides or ()), *map(str, rules or ()), *([stack] if stack else [])]
+    if changes:
         with quiet_stdout():
             from navfw.recording.what_if import what_if, what_if_lines
 
             changed = what_if(folder, overrides or (), stack, rules or ())
-        print_result(asdict(changed), what_if_lines(changed), json=json)
+            data, lines = changed.as_data(), what_if_lines(changed)
+            if report:
+                from navfw.report.run_page import ChangedRun, run_report
+
+                page = ChangedRun(", ".join(changes), changed)
+                target = folder / REPORT
+                write_text(target, run_report(folder, chase_of(folder), page))
+                data, lines = {**data, "report": str(target)}, [*lines, f"report: {target}"]
+        print_result(data, lines, json=json)
         return
+    if report:
+        raise typer.BadParameter("needs --set, --stack or --rules", param_hint="--report")
     _replay_run(folder, video, json=json)
 
 

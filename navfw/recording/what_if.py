@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,8 @@ from navfw.recording import channel_list as topics
 from navfw.recording.recorded_run import RecordedRun
 from navfw.recording.run_folder import recording_in
 from navfw.recording.run_replay import recorded_stack
-from navfw.signals import Pose
+from navfw.signals import Pose, Twist
+from navfw.stack.shadow_stack import was_driven
 
 _PAUSE = 0.5
 """Time [s] between two differences up to which they are one."""
@@ -71,7 +72,7 @@ class WhatIf:
     of the ticks with other commands. ``reasons`` are the rules and weights that changed the most at
     these decisions, with their share of them, the most frequent first. From ``apart`` [s] on both
     paths are farther apart than the robot's ``radius`` [m]: from then on the images are not those
-    that it would have seen.
+    that it would have seen. ``twists`` (n, 2) are all its commands, at ``times`` (n,) [s].
     """
 
     first: float | None
@@ -83,6 +84,13 @@ class WhatIf:
     reasons: tuple[tuple[str, float], ...]
     vetoes_new: tuple[OtherVeto, ...]
     vetoes_gone: tuple[OtherVeto, ...]
+    times: Array = field(repr=False, compare=False)
+    twists: Array = field(repr=False, compare=False)
+
+    def as_data(self) -> dict[str, Any]:
+        """Return all but the commands as plain data."""
+        data = asdict(self)
+        return {name: value for name, value in data.items() if name not in ("times", "twists")}
 
 
 def what_if(
@@ -115,6 +123,8 @@ def what_if(
         twists[index] = twist.v, twist.w
         held.append(changed.state.veto)
         differs = (np.abs(twists[index] - recording.commands[index]) >= _OTHER).any()
+        if differs:
+            was_driven(changed, Twist(*recording.commands[index].tolist()))
         if differs and reading.frame is not None:
             before = recorded.get(topics.nanoseconds(reading.time), {})
             changes = rule_changes(before, changed.explain(inference=False))
@@ -141,6 +151,8 @@ def what_if(
         ),
         vetoes_new=tuple(_vetoes(times, held, held_before)),
         vetoes_gone=tuple(_vetoes(times, held_before, held)),
+        times=times,
+        twists=twists,
     )
 
 

@@ -1,4 +1,4 @@
-"""Why not: which behaviours and rules were against another command, and what would have given it."""
+"""Why not: who was against another command, by which rules, and what would have given it."""
 
 from __future__ import annotations
 

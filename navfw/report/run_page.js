@@ -52,9 +52,10 @@
     const marks = events.map((event) => [moments[event.moment].time, event.kind === "contact" ? data.contact : "#8b94a1"]);
     const blue = "#0072B2", orange = "#D55E00";
     for (const [id, label, columns, color, low, high] of [
-      ["chart-speed", "speed v [m/s]", ["v", "driven_v"], blue], ["chart-turn", "turn w [rad/s], left upwards", ["w", "driven_w"], orange],
+      ["chart-speed", "speed v [m/s]", ["v", "driven_v", "if_v"], blue], ["chart-turn", "turn w [rad/s], left upwards", ["w", "driven_w", "if_w"], orange],
       ["chart-clearance", "clearance [m]", ["clearance"], blue], ["chart-confidence", "confidence of the position", ["confidence"], orange, 0, 1]]) {
-      const lines = columns.map((name, n) => ({values: rows[name], color, dash: n ? [2, 3] : []}));
+      const lines = columns.filter((name) => rows[name]).map((name, n) => name.startsWith("if_")
+        ? {values: rows[name], color: "#009E73"} : {values: rows[name], color, dash: n ? [2, 3] : []});
       drawChart(part(id), {time, lines, label, from: begin, to, now: moment.time, marks, low, high});
     }
     let row = time.findIndex((t) => t > moment.time + 1e-6);

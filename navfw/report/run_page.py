@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ from navfw.recording import palette, top_view
 from navfw.recording.channel_list import Chase, SeenRun
 from navfw.recording.recorded_run import RecordedRun, located_damage, open_run
 from navfw.recording.run_folder import MAP, PICTURE, RECORDING, plain_json, read_result
+from navfw.recording.what_if import WhatIf, what_if_lines
 from navfw.report import run_timeline
 from navfw.report.report_page import reduced_source, render_page
 from navfw.report.run_moments import read_moments
@@ -104,10 +105,19 @@ _OF_ROUTES = "shortest_path_m", "shortest_with_room_m"
 """Those that an exploration has not: it has no goal to take the shortest path to."""
 
 
-def run_report(folder: Path, chase: Chase | None = None) -> str:
+@dataclass(frozen=True, slots=True)
+class ChangedRun:
+    """What a stack with ``changes`` would have commanded, for the report of a run."""
+
+    changes: str
+    result: WhatIf
+
+
+def run_report(folder: Path, chase: Chase | None = None, changed: ChangedRun | None = None) -> str:
     """The report of the run in ``folder`` as HTML; without a recording, its result and picture.
 
-    ``chase`` draws the robot from behind, if its world is known.
+    ``chase`` draws the robot from behind, if its world is known. The commands of a ``changed``
+    stack are shown beside those of the run.
 
     Raises:
         ConfigError: it is not a run folder, or its files are damaged.
@@ -124,6 +134,7 @@ def run_report(folder: Path, chase: Chase | None = None) -> str:
         "of_bag": bool(result.get("notes")) and isinstance(result["notes"], list),
         "picture": None,
         "explored": result.get("exploration"),
+        "what_if": None,
         "data": None,
         "cells": palette.camera_key(),
     }
@@ -131,6 +142,13 @@ def run_report(folder: Path, chase: Chase | None = None) -> str:
         on_map = is_file(folder / MAP)
         places = _places(load_map(folder / MAP, check_landmark_kind)) if on_map else []
         content |= _recorded(open_run(folder, chase), result, places)
+        if changed is not None and content["data"] is not None and "rows" in content["data"]:
+            rows, run = content["data"]["rows"], changed.result
+            content["what_if"] = changed.changes, "\n".join(what_if_lines(run))
+            at = np.searchsorted(run.times, np.array(rows["time"]) - 1e-6).clip(
+                max=len(run.times) - 1
+            )
+            rows |= dict(zip(("if_v", "if_w"), run.twists[at].T.round(3).tolist(), strict=True))
     if is_file(folder / PICTURE) and (content["explored"] or content["data"] is None):
         picture = np.asarray(read_image(folder / PICTURE), dtype=np.uint8)
         content["picture"] = reduced_source(picture, 1600, quality=85)

@@ -11,14 +11,19 @@ _STAND = Twist(0.0, 0.0)  # defined
 
 
 def halt(stack: Stack) -> None:
-    """Tell ``stack`` that the robot was commanded to stand, instead of its last command.
-
-    So the stack does not take wheels that do not turn for a fault.
-    """
-    stack.verdict = replace(stack.verdict, twist=_STAND)
-    stack.safety.follow(_STAND)
-    stack.trim.apply(_STAND)
+    """Tell ``stack`` that the robot was commanded to stand, instead of its last command."""
+    was_driven(stack, _STAND)
     stack.controller.reset()
+
+
+def was_driven(stack: Stack, twist: Twist) -> None:
+    """Tell ``stack`` that the robot was commanded ``twist``, instead of its last command.
+
+    So the stack does not take wheels that do not follow its own command for a fault.
+    """
+    stack.verdict = replace(stack.verdict, twist=twist)
+    stack.safety.follow(twist)
+    stack.trim.apply(twist)
 
 
 class ShadowStack(Stack):

@@ -1,7 +1,7 @@
 """What if: a changed stack on recorded readings; where and why its commands are others."""
 
 import json
-from dataclasses import asdict
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +33,7 @@ def test_a_shyer_robot_is_told_by_time_behaviour_and_rule(folder: Path) -> None:
     assert sum(share for _, share in changed.reasons) == pytest.approx(1.0)
     assert changed.apart is not None
     assert changed.apart > changed.first
+    assert np.abs(changed.twists[:, 0]).max() <= 0.5  # wheels that go another way are no fault
     text = "\n".join(what_if_lines(changed))
     assert f"from {changed.apart:.1f} s on the paths would be more than" in text
 
@@ -62,8 +63,22 @@ def test_the_command_prints_text_or_one_object(folder: Path) -> None:
     printed = invoke("replay", folder, "--set", "avoid.spare=0.3").stdout
     assert printed.startswith("first other command at ")
     data = json.loads(invoke("replay", folder, "--set", "avoid.spare=0.3", "--json").stdout)
-    expected = json.loads(json.dumps(asdict(what_if(folder, ["avoid.spare=0.3"]))))
+    expected = json.loads(json.dumps(what_if(folder, ["avoid.spare=0.3"]).as_data()))
     assert data == expected
+
+
+def test_the_report_has_both_commands(folder: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "run"
+    shutil.copytree(folder, copy)
+    said = invoke("replay", copy, "--set", "avoid.spare=0.6", "--report").stdout
+    assert said.splitlines()[-1] == f"report: {copy / 'report.html'}"
+    page = (copy / "report.html").read_text()
+    assert "What if avoid.spare=0.6" in page
+    data = page.split('<script type="application/json" id="data">')[1].split("</script>")[0]
+    rows = json.loads(data)["rows"]
+    assert len(rows["if_v"]) == len(rows["v"])
+    assert sum(rows["if_v"]) < sum(rows["v"]) - 1.0
+    assert "needs --set" in refusal("replay", copy, "--report")
 
 
 def test_paths_are_apart_when_their_distance_exceeds_the_radius() -> None:
