@@ -30,7 +30,7 @@ __all__ = ["PANELS", "app", "main"]
 PANELS = {
     "Drive": {"run": "run", "replay": "recordings", "perceive": "perceive", "ros": "ros"},
     "Look": {"list": "listings", "explain": "explain", "report": "recordings", "export": "bags"},
-    "Make": {"world": "world", "map": "map"},
+    "Make": {"world": "world", "map": "map", "rules": "edit_rules"},
     "Measure": {"suite": "suite", "tune": "tune"},
     "Project": {
         "new": "new",

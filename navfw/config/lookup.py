@@ -67,7 +67,7 @@ def shipped_folder() -> Path:
     return installed if installed.is_dir() else _PACKAGE.parent
 
 
-def _own_project(start: Path | None = None) -> Path | None:
+def own_project(start: Path | None = None) -> Path | None:
     """The project around ``start``; None in a checkout of navfw, whose files are the shipped."""
     project = project_folder(start)
     shipped = shipped_folder()
@@ -79,7 +79,7 @@ def _roots(room: str = "") -> Iterator[tuple[_Source, Path]]:
 
     ``room`` is the folder of navfw's package that has the shipped files, if one has.
     """
-    project = _own_project()
+    project = own_project()
     if project is not None:
         yield "project", project
     yield "shipped", _PACKAGE / room if room else shipped_folder()
@@ -98,7 +98,7 @@ def project_plugin_folders(start: Path | None = None) -> list[Path]:
 
     None in a checkout of navfw: what it ships is no project.
     """
-    project = _own_project(start)
+    project = own_project(start)
     folders = () if project is None else (project / "behaviors", project / "plugins")
     return [folder for folder in folders if folder.is_dir()]
 

@@ -62,6 +62,23 @@ def read_yaml_text(text: str, file: str | None = None) -> tuple[Data, dict[KeyPa
     return data, dict(reader.lines)
 
 
+def scalar_spans(text: str) -> dict[KeyPath, tuple[int, int]]:
+    """Where each scalar of ``text`` is written: its first character, and that after its last.
+
+    Parts of an alias are where its anchor is.
+
+    Raises:
+        ConfigError: as ``read_yaml_text``.
+
+    """
+    reader = _SpanReader(None)
+    try:
+        reader.document(yaml.parse(text, Loader=_LOADER))
+    except _REFUSED as error:
+        raise _syntax_error(text, None, error) from None
+    return reader.spans
+
+
 def write_yaml_text(data: Data, width: int = 100) -> str:
     """``data`` as YAML: the innermost collections inline, all others as blocks."""
     text: str = yaml.dump(
@@ -188,6 +205,28 @@ class _TextReader:
     def _error(self, message: str, event: Any, path: KeyPath) -> ConfigError:
         line = event.start_mark.line + 1
         return ConfigError(message, file=self._file, line=line, key=key_text(path) or None)
+
+
+class _SpanReader(_TextReader):
+    """Keeps where each scalar is written."""
+
+    def __init__(self, file: str | None) -> None:
+        super().__init__(file)
+        self.spans: dict[KeyPath, tuple[int, int]] = {}
+
+    def _scalar(self, event: Any, path: KeyPath) -> Data:
+        self.spans[path] = event.start_mark.index, event.end_mark.index
+        return super()._scalar(event, path)
+
+    def _repeated(self, event: Any, path: KeyPath) -> Data:
+        data = super()._repeated(event, path)
+        anchor = self._anchors[event.anchor]
+        if anchor is not None:
+            above = self.lines[anchor[1]][0]
+            for at, span in [*self.spans.items()]:
+                if at[: len(above)] == above:
+                    self.spans[(*path, *at[len(above) :])] = span
+        return data
 
 
 def key_text(path: KeyPath) -> str:

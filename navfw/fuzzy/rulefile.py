@@ -74,8 +74,10 @@ def _member(document: YamlDocument, mapping: Any, name: str, what: str) -> dict[
     return member
 
 
-def parse_rule_base(text: str, source: str | None = None) -> RuleBase:
+def parse_rule_base(text: str, source: str | None = None, *, covered: bool = True) -> RuleBase:
     """Parse the rule base in YAML ``text``; error messages name ``source`` as the file.
+
+    Without ``covered``, one that leaves regions uncovered as well: for drawing, not for a robot.
 
     Raises:
         RuleBaseError: as ``load_rule_base``.
@@ -85,7 +87,7 @@ def parse_rule_base(text: str, source: str | None = None) -> RuleBase:
         document = parse_yaml(text, source)
     except ConfigError as error:
         raise _as_rule_base_error(error) from None
-    return _checked(document)
+    return _checked(document) if covered else _RuleBaseBuilder(document).build()
 
 
 def _checked(document: YamlDocument) -> RuleBase:

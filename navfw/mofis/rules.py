@@ -17,6 +17,8 @@ import numpy as np
 from pydantic import Field
 
 from navfw import fuzzy
+from navfw.config.input_file import is_file
+from navfw.config.lookup import own_project, project_plugin_folders
 from navfw.context import CommandGrid, Context
 from navfw.errors import InputError, UnknownNameError
 from navfw.interfaces import Behavior, Composite, Plugin
@@ -224,16 +226,30 @@ class _Ruled(Plugin):
 
         """
         if cls.load_rules is _Ruled.load_rules:
-            fuzzy.load_rule_base(BehaviorRules.file_beside(inspect.getfile(cls)))
+            fuzzy.load_rule_base(cls.rules_file())
+
+    @classmethod
+    def rules_file(cls) -> Path:
+        """Return the YAML file of the rules, which need not exist: that beside the class' file.
+
+        Of a class outside the project it is the project's ``behaviors/NAME.yaml``, if there is one
+        without a plugin of its own beside it.
+        """
+        file, project = BehaviorRules.file_beside(inspect.getfile(cls)), own_project()
+        if project is not None and file.parent not in project_plugin_folders():
+            own = project / "behaviors" / file.name
+            if is_file(own) and not is_file(own.with_suffix(".py")):
+                return own
+        return file
 
     def load_rules(self) -> BehaviorRules:
-        """Load the rules; override it if they are not in the YAML file beside the class.
+        """Load the rules; override it if they are not in the ``rules_file``.
 
         Raises:
             InputError: they cannot be read, do not cover their inputs, or have no such terms.
 
         """
-        return BehaviorRules.beside(inspect.getfile(type(self)), self.params.terms or {})
+        return BehaviorRules(fuzzy.load_rule_base(self.rules_file(), self.params.terms or {}))
 
 
 class RuledBehavior(_Ruled, Behavior):

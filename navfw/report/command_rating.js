@@ -109,3 +109,27 @@ function shade([r, g, b], most) {
     return `rgb(${mix(r)}, ${mix(g)}, ${mix(b)})`;
   };
 }
+
+// Where a value is among ascending ones, with its fraction.
+function placeAmong(values, value) {
+  const above = values.findIndex((v) => v >= value);
+  if (above <= 0) return above < 0 ? values.length - 1 : 0;
+  return above - (values[above] - value) / (values[above] - values[above - 1] || 1);
+}
+
+// The rating of all commands at a moment, {rated, cross, cell, blue}, drawn on a canvas, with a sentence on it.
+function drawRating(canvas, sentence, moment, grid, fusion) {
+  const size = grid.v.length * grid.w.length, bytes = atob(moment.desirability || "").length;
+  const known = bytes === size * grid.names.length && moment.command.leader !== undefined;
+  const command = known ? moment.command : {weights: {}, applicability: {}};
+  const rated = rateCommands(known ? moment : {desirability: "", prohibition: "", command}, grid, fusion);
+  const most = Math.max(...rated.sum.map((x) => x || 0), 0);
+  const cross = known ? [placeAmong(grid.v, command.v), placeAmong(grid.w, command.w)] : null;
+  const cell = cross && Math.round(cross[0]) * grid.w.length + Math.round(cross[1]);
+  const blue = shade([8, 69, 148], most), kind = RATING_TEXTS[fusion.name] ? fusion.name : "";
+  const level = kind === "fuzzy" ? (fusion.level ?? 0.8) * most : 0;
+  drawCommands(canvas, grid, rated.sum, {color: blue, high: 250, axes: {most}, forbidden: rated.forbidden, level, cross});
+  canvas.dataset.best = most.toFixed(3);
+  sentence.textContent = !known ? "No command yet." : `${RATING_TEXTS[kind]} Here it is ${rated.sum[cell].toFixed(2)}, the best is ${most.toFixed(2)}.`;
+  return {known, rated, cross, cell, blue};
+}

@@ -83,24 +83,9 @@
     return link;
   });
 
-  function at(values, value) { // where a value is among ascending ones, with its fraction
-    const above = values.findIndex((v) => v >= value);
-    if (above <= 0) return above < 0 ? values.length - 1 : 0;
-    return above - (values[above] - value) / (values[above] - values[above - 1] || 1);
-  }
-
   function showRatings(moment) {
-    const size = grid.v.length * grid.w.length, bytes = atob(moment.desirability || "").length;
-    const known = bytes === size * grid.names.length && moment.command.leader !== undefined;
-    const command = known ? moment.command : {weights: {}, applicability: {}};
-    const rated = rateCommands(known ? moment : {desirability: "", prohibition: "", command}, grid, data.fusion);
-    const most = Math.max(...rated.sum.map((x) => x || 0), 0), cross = known ? [at(grid.v, command.v), at(grid.w, command.w)] : null;
-    const cell = cross && Math.round(cross[0]) * grid.w.length + Math.round(cross[1]);
-    const blue = shade([8, 69, 148], most), kind = RATING_TEXTS[data.fusion.name] ? data.fusion.name : "";
-    const level = kind === "fuzzy" ? (data.fusion.level ?? 0.8) * most : 0;
-    drawCommands(part("sum"), grid, rated.sum, {color: blue, high: 250, axes: {most}, forbidden: rated.forbidden, level, cross});
-    part("sum").dataset.best = most.toFixed(3);
-    part("fused").textContent = !known ? "No command yet." : `${RATING_TEXTS[kind]} Here it is ${rated.sum[cell].toFixed(2)}, the best is ${most.toFixed(2)}.`;
+    const size = grid.v.length * grid.w.length;
+    const {known, rated, cross, cell, blue} = drawRating(part("sum"), part("fused"), moment, grid, data.fusion);
     const forbids = known ? Uint8Array.from(atob(moment.prohibition), (c) => c.charCodeAt(0)) : new Uint8Array(size * grid.names.length);
     const idle = (n) => !rated.weight[n] && !forbids.subarray(n * size, (n + 1) * size).some((degree) => degree);
     part("idle").textContent = known ? grid.names.filter((_, n) => idle(n)).join(", ") || "none" : "";

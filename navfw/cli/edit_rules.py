@@ -1,0 +1,43 @@
+"""``navfw rules FILE|BEHAVIOR``: a page to look at rules and edit them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from navfw.cli.output import echo, quiet_stdout
+
+
+def rules(
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="FILE|BEHAVIOR", help="A file of rules, or a behaviour or composite by name."
+        ),
+    ],
+    run: Annotated[
+        Path | None,
+        typer.Option(help="Run folder written by navfw run --record: its moments, and Drive."),
+    ] = None,
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port of the page; 0 takes a free one.")
+    ] = 0,
+) -> None:
+    """Serve a page to look at rules and edit them, to this machine alone, until Ctrl-C."""
+    with quiet_stdout():
+        from navfw.mofis.rules import BehaviorRules
+        from navfw.plugins import default_registry
+        from navfw.recording.rules_file import find_rules
+        from navfw.recording.rules_run import RulesRun
+        from navfw.recording.rules_server import RulesServer
+        from navfw.report.report_page import render_page
+
+        file = find_rules(name, default_registry())
+        page = render_page("rules_page.html", title=f"Rules: {file.path.stem}")
+        recorded = None if run is None else RulesRun(run, BehaviorRules(file.path))
+        server = RulesServer(file, port, page=page, run=recorded)
+    echo(f"rules: {server.url}")
+    server.stay()
+    server.close()

@@ -1,0 +1,91 @@
+"""A file of rules that a page edits: what it contains, where it is saved, and what uses it."""
+
+from __future__ import annotations
+
+import difflib
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from navfw.config.input_file import is_file, read_input, read_input_text, real_path, shown_path
+from navfw.config.lookup import own_project, shipped_folder
+from navfw.errors import InputError
+from navfw.mofis.rules import RuledBehavior, RuledComposite
+from navfw.plugins import Registry
+from navfw.plugins.verification import source_file
+from navfw.process.atomic import atomic_file
+
+
+class ChangedFileError(InputError):
+    """The file has changed since the page read it; its text is ``now``.
+
+    ``difference`` is how the page's text differs from it.
+    """
+
+    def __init__(self, file: Path, now: str, text: str) -> None:
+        lines = now.splitlines(), text.splitlines(), shown_path(file), "this page"
+        self.now, self.difference = now, "\n".join(difflib.unified_diff(*lines, n=2, lineterm=""))
+        super().__init__("has changed since this page read it, and is not replaced", file=file)
+
+
+@dataclass
+class RulesFile:
+    """The file at ``path``, the project's copy once there is one; ``plugin`` reads it, if one does.
+
+    ``plugin`` is a Python file.
+    """
+
+    path: Path
+    plugin: Path | None = None
+
+    def read(self) -> str:
+        """The text, with line feeds alone; raises ConfigError if it cannot be read."""
+        return read_input_text(self.path).replace("\r\n", "\n")
+
+    def save(self, text: str, read: str) -> str:
+        """Write ``text`` into the user's project, if the file still contains what was ``read``.
+
+        What ships with navfw, or is in no project, is copied into the ``behaviors`` of the project,
+        where it is used in its place. Returns what was done.
+
+        Raises:
+            ChangedFileError: the file contains something else.
+            InputError: there is no project, or the file cannot be written.
+
+        """
+        file, project = real_path(self.path), own_project()
+        installed = {real_path(place) for place in (sys.prefix, shipped_folder())}
+        if own_project(file.parent) is not None and installed.isdisjoint(file.parents):
+            target = self.path
+        elif project is not None:
+            target = project / "behaviors" / self.path.name
+        else:
+            what = "is not the user's own, and there is no project here: navfw new project DIR"
+            raise InputError(f"{what}, then navfw rules in DIR", file=shown_path(self.path))
+        source = target if is_file(target) else self.path
+        with atomic_file(target, parents=True) as part:
+            now = RulesFile(source).read()
+            if now != read:
+                raise ChangedFileError(source, now, text)
+            feed = "\r\n" if b"\r\n" in read_input(source) else "\n"
+            part.write_bytes(text.replace("\n", feed).encode())
+        self.path = target
+        return f"saved: {shown_path(target)}{', a copy for this project' * (source != target)}"
+
+
+def find_rules(name: str, registry: Registry) -> RulesFile:
+    """The rules of a behaviour or composite called ``name``, or in the file of that path.
+
+    Raises:
+        InputError: there is no such plugin or file, or the plugin has no file of rules.
+
+    """
+    path = Path(name)
+    if path.suffix in {".yaml", ".yml"} or path.parent != Path():
+        beside = path.with_suffix(".py"), shipped_folder() / "behaviors" / f"{path.stem}.py"
+        return RulesFile(path, next(filter(is_file, beside), None))
+    cls = registry.get("composite" if name in registry.names("composite") else "behavior", name)
+    file = cls.rules_file() if issubclass(cls, RuledBehavior | RuledComposite) else None
+    if file is None or not is_file(file):
+        raise InputError(f"{name!r} has no rules in a YAML file beside it", key="FILE|BEHAVIOR")
+    return RulesFile(file, source_file(cls))

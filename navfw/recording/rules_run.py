@@ -1,0 +1,173 @@
+"""The decisions of a recorded run as a page shows them, with the rules that it edits."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from navfw.config.extras import extra_imports
+from navfw.config.input_file import open_input
+from navfw.errors import InputError
+from navfw.mofis.rules import BehaviorRules, RuledBehavior, RuledComposite, replace_rules
+from navfw.numerics import Array
+from navfw.numerics.arrays import spans
+from navfw.recording import channel_list as topics
+from navfw.recording.decision_moment import DecisionMoment, copy_of
+from navfw.recording.recorded_decisions import RecordedDecisions
+from navfw.recording.recorded_run import RecordedRun
+from navfw.recording.ros_messages import message_types
+from navfw.recording.run_folder import read_result, recording_in
+
+_OTHER = np.array([0.01, 0.02])
+"""Differences of v [m/s] and w [rad/s] from which a command is another one."""
+_PAUSE = 0.5
+"""Time [s] between two differences up to which they are one."""
+_MAX_AGE = 1.0
+"""Largest age of the camera picture of a moment [s]."""
+_MAX_READ = 100
+"""Largest number of decisions whose rules are compared with those of the file."""
+
+
+class RulesRun:
+    """The recorded run in ``folder``, whose stack has rules of the name of ``rules``.
+
+    ``replaced`` gives the commands of all decisions with other rules.
+
+    Raises:
+        InputError: the folder is not that of a run with ``--record``, is damaged, or by an older
+            navfw; its stack has no rules of that name.
+
+    """
+
+    def __init__(self, folder: Path, rules: BehaviorRules) -> None:
+        self.folder, self._decisions = folder, RecordedDecisions(folder)
+        self.replaced = self._decisions.replaced
+        self._times: list[float] = self._decisions.times.tolist()
+        if not self._times:
+            what = "has no recorded decisions; record the run again by this navfw"
+            raise InputError(what, file=folder)
+        mofis = self._decisions.mofis
+        plugins = {one.name: one for one in (mofis.composite, *mofis.behaviors.values()) if one}
+        replace_rules(map(copy_of, plugins.values()), rules)  # raises for another name
+        self._owner = next(
+            name
+            for name, one in plugins.items()
+            if isinstance(one, RuledBehavior | RuledComposite)
+            and one.rules.base.name == rules.base.name
+        )
+        self._recorded = 0, self._decisions.moment(0)
+
+    def about(self, rules: BehaviorRules | None) -> dict[str, Any]:
+        """What does not change with time: commands, their grid, fusion; rules that fired.
+
+        ``others`` are rules that fired in the recording, and are not among ``rules``.
+        """
+        grid = self._decisions.mofis.commands
+        names = [*self._decisions.mofis.behaviors]
+        fusion = read_result(self.folder)["config"]["stack"]["fusion"]
+        ((kind, settings),) = fusion.items()
+        known = {rule.sentence for rule in rules.base.rules} if rules is not None else set()
+        return {
+            "times": self._times,
+            **_columns(self._decisions.commands),
+            "grid": {"names": names, "v": grid.v.tolist(), "w": grid.w.tolist()},
+            "fusion": {**(settings or {}), "name": kind},
+            "others": [rule for rule in self._fired() if rule not in known],
+        }
+
+    def moment(self, time: float, rules: BehaviorRules | None, shown: int) -> dict[str, Any]:
+        """The decision at ``time`` [s], with ``rules`` if they are given.
+
+        Its camera picture is left out if it is that of the decision ``shown``.
+
+        Raises:
+            InputError: the run has no decision then, or other inputs or outputs than the rules.
+
+        """
+        first, last = self._times[0], self._times[-1]
+        if not first - 1e-6 <= time <= last + 1e-6:
+            raise InputError(f"{time:g} s is outside of the run: {first:.1f} to {last:.1f} s")
+        index = int(np.searchsorted(self._decisions.times, time + 1e-6)) - 1
+        if index != self._recorded[0]:
+            self._recorded = index, self._decisions.moment(index)
+        moment = self._recorded[1] if rules is None else self._with(rules)
+        command, proposals = moment.decide()
+        inputs = moment.inputs(moment.mofis.commands.nearest(command.twist))
+        rated = [proposals[name] for name in moment.mofis.behaviors]
+        degrees = {name: float(one.applicability) for name, one in proposals.items()}
+        weights = {name: float(weight) for name, weight in command.weights.items()}
+        said: dict[str, Any] = {"leader": command.leader, "reason": command.reason}
+        said |= {
+            "v": command.twist.v,
+            "w": command.twist.w,
+            "applicability": degrees,
+            "weights": weights,
+        }
+        picture = {} if index == shown else {"picture": self._picture(self._times[index])}
+        return picture | {
+            "index": index,
+            "time": self._times[index],
+            "values": {name: value for owner, name, value, _ in inputs if owner == self._owner},
+            "desirability": _packed([one.desirability for one in rated]),
+            "prohibition": _packed([one.prohibition for one in rated]),
+            "command": said | {"applicability": degrees, "weights": weights},
+        }
+
+    def differences(self, commands: Sequence[tuple[float, float]]) -> dict[str, Any]:
+        """The ``commands`` of all decisions, and from when to when [s] others were recorded."""
+        table, times = np.array(commands), self._times
+        differ = np.asarray((np.abs(table - self._decisions.commands) >= _OTHER).any(axis=1))
+        where = spans(self._decisions.times, differ, _PAUSE)
+        return _columns(table) | {"where": [(times[begin], times[end]) for begin, end in where]}
+
+    def _with(self, rules: BehaviorRules) -> DecisionMoment:
+        """The moment that was asked for last, with ``rules``."""
+        moment = self._recorded[1]
+        behaviors, composite = dict(moment.behaviors), moment.composite
+        if self._owner in behaviors:
+            behaviors[self._owner] = copy_of(behaviors[self._owner])
+        else:
+            composite = copy_of(composite)
+        replace_rules((*behaviors.values(), composite), rules)
+        return DecisionMoment(moment.mofis, moment.context, behaviors, composite)
+
+    def _picture(self, time: float) -> str:
+        """The newest camera picture at ``time`` [s] as a data URL; "" without one."""
+        with extra_imports("record"):
+            from mcap.reader import SeekingReader
+
+        begin, end = topics.nanoseconds(max(time - _MAX_AGE, 0.0)), topics.nanoseconds(time) + 1
+        with open_input(recording_in(self.folder), topics.MAX_BYTES) as stream:
+            for _, _, message in SeekingReader(stream).iter_messages(
+                (topics.CAMERA_IMAGE,), starting_at=begin, ending_before=end, reverse=True
+            ):
+                image: Any = message_types().deserialize_cdr(message.data, topics.IMAGE_SCHEMA)
+                code = base64.b64encode(bytes(image.data)).decode("ascii")
+                return f"data:image/{image.format};base64,{code}"
+        return ""
+
+    def _fired(self) -> list[str]:
+        """Rules of the owner that fired in the recording, at some of its decisions."""
+        told = [data for _, _, data in RecordedRun(recording_in(self.folder)).packed(topics.RULES)]
+        rules: dict[str, None] = {}
+        for data in map(json.loads, told[:: max(1, len(told) // _MAX_READ)]):
+            composite = data.get("composite", {})
+            plugins = {**data.get("behaviors", {}), composite.get("name"): composite}
+            fired = plugins.get(self._owner, {}).get("rules", ())
+            rules |= dict.fromkeys(rule["rule"] for rule in fired)
+        return [*rules]
+
+
+def _columns(commands: Array) -> dict[str, Any]:
+    return {"v": commands[:, 0].tolist(), "w": commands[:, 1].tolist()}
+
+
+def _packed(layers: Sequence[Array]) -> str:
+    """Degrees of the commands, layer after layer, as bytes in base64."""
+    data = np.rint(255.0 * np.array(layers)).astype(np.uint8)
+    return base64.b64encode(data.tobytes()).decode("ascii")
