@@ -112,7 +112,7 @@ class RulesRun:
         return picture | {
             "index": index,
             "time": self._times[index],
-            "values": {name: value for owner, name, value, _ in inputs if owner == self._owner},
+            "values": {one.name: value for owner, one, value in inputs if owner == self._owner},
             "desirability": _packed([one.desirability for one in rated]),
             "prohibition": _packed([one.prohibition for one in rated]),
             "command": said | {"applicability": degrees, "weights": weights},
