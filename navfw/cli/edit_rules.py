@@ -28,16 +28,15 @@ def rules(
     """Serve a page to look at rules and edit them, to this machine alone, until Ctrl-C."""
     with quiet_stdout():
         from navfw.mofis.rules import BehaviorRules
-        from navfw.plugins import default_registry
         from navfw.recording.rules_file import find_rules
         from navfw.recording.rules_run import RulesRun
         from navfw.recording.rules_server import RulesServer
         from navfw.report.report_page import render_page
 
-        file = find_rules(name, default_registry())
+        file = find_rules(name)
         page = render_page("rules_page.html", title=f"Rules: {file.path.stem}")
         recorded = None if run is None else RulesRun(run, BehaviorRules(file.path))
         server = RulesServer(file, port, page=page, run=recorded)
-    echo(f"rules: {server.url}")
+    echo(f"rules: {server.url}", err=True)
     server.stay()
     server.close()

@@ -11,7 +11,7 @@ from navfw.config.input_file import is_file, read_input, read_input_text, real_p
 from navfw.config.lookup import own_project, shipped_folder
 from navfw.errors import InputError
 from navfw.mofis.rules import RuledBehavior, RuledComposite
-from navfw.plugins import Registry
+from navfw.plugins import default_registry
 from navfw.plugins.verification import source_file
 from navfw.process.atomic import atomic_file
 
@@ -73,7 +73,7 @@ class RulesFile:
         return f"saved: {shown_path(target)}{', a copy for this project' * (source != target)}"
 
 
-def find_rules(name: str, registry: Registry) -> RulesFile:
+def find_rules(name: str) -> RulesFile:
     """The rules of a behaviour or composite called ``name``, or in the file of that path.
 
     Raises:
@@ -84,6 +84,7 @@ def find_rules(name: str, registry: Registry) -> RulesFile:
     if path.suffix in {".yaml", ".yml"} or path.parent != Path():
         beside = path.with_suffix(".py"), shipped_folder() / "behaviors" / f"{path.stem}.py"
         return RulesFile(path, next(filter(is_file, beside), None))
+    registry = default_registry()
     cls = registry.get("composite" if name in registry.names("composite") else "behavior", name)
     file = cls.rules_file() if issubclass(cls, RuledBehavior | RuledComposite) else None
     if file is None or not is_file(file):

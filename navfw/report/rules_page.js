@@ -4,7 +4,7 @@
   const part = (id) => document.getElementById(id), area = part("text");
   const COLORS = ["#0072B2", "#B45000", "#00795A", "#A0488A", "#6B5D00", "#3D6FA5", "#8C3B3B"];
   const NOW = "#B0004E", HIGH = 136, TOP = 34, BOTTOM = 112, SIDE = 12;
-  let file = {text: ""}, run = {}, run_known = false; // the file as it was read
+  let file = {text: ""}, run = {}, run_known = false, drawable = true; // the file as it was read
   let number = 0, waiting = false, due = false, asked = ""; // what the server was asked last
   let answered = {text: null, view: null}, moment = null, shown = -1, wanted = 0;
   let hand = {}, surface = {}, marks = null, next = "", edit = null, last = "", was = "", line = null;
@@ -47,12 +47,13 @@
         if (moment.picture) part("camera").src = moment.picture;
         if (marks && marks.text !== asked) marks = null;
       }
-      if (message.view) {
+      drawable = Boolean(message.view);
+      if (drawable) {
         answered = {text: asked, view: message.view};
         draw();
       }
       document.body.dataset.answered = number;
-      for (const handle of document.querySelectorAll(".handle")) handle.setAttribute("aria-disabled", !message.view);
+      for (const handle of document.querySelectorAll(".handle")) handle.setAttribute("aria-disabled", !drawable);
       showState();
       if (due) ask();
     },
@@ -108,7 +109,8 @@
   function showState() {
     const wrong = !part("problem").hidden, changed = area.value !== file.text;
     part("state").className = wrong ? "bad" : changed ? "" : "good";
-    part("state").textContent = `${file.name}: ${wrong ? "refused as it stands; below: the last valid state" : changed ? "changed, not saved" : "as in the file"}`;
+    const refused = `refused as it stands${drawable ? "" : "; drawn is the last valid state"}`;
+    part("state").textContent = `${file.name}: ${wrong ? refused : changed ? "changed, not saved" : "as in the file"}`;
     part("save").disabled = wrong || !changed;
     part("test").disabled = part("drive").disabled = wrong;
     part("undo").disabled = !history.length;
@@ -315,8 +317,11 @@
       pen.fillStyle = z === null ? "#fff" : color(z - of.low);
       pen.fillRect(x, y, w + 0.5, h + 0.5);
       if (!bare.has(i)) return;
-      pen.fillStyle = "#d58a92";
-      for (let k = 0; k < h; k++) pen.fillRect(x + (k + i % columns * w) % w, y + k, 1.5, 1);
+      [pen.strokeStyle, pen.lineWidth] = ["#b9606a", 1];
+      pen.beginPath();
+      pen.moveTo(x, y + h);
+      pen.lineTo(x + w, y);
+      pen.stroke();
     });
     const px = left + (one.value - one.low) / (one.high - one.low) * (wide - left - right), py = high - (two.value - two.low) / (two.high - two.low) * (high - 8);
     for (const [ink, width] of [["#fff", 5], [NOW, 2.5]]) {
