@@ -17,6 +17,7 @@ from navfw.numerics.arrays import Indices
 from navfw.papfis.frontier_kernels import free_line, steepest_path, unseen_in_view
 from navfw.robot import RobotModel
 from navfw.signals import GrownGrid, Waypoint
+from navfw.signals.grown_grid import FREE_BELOW
 from navfw.topomap.occupancy_map import FREE, OCCUPIED, OccupancyMap
 from navfw.topomap.sharpening import sharpened
 
@@ -286,11 +287,13 @@ def without_spots(grid: GrownGrid) -> GrownGrid:
 
 
 def with_thin_walls(grid: GrownGrid) -> GrownGrid:
-    """Return ``grid`` with the bands around walls as thin as surfaces.
+    """Return ``grid`` with the bands before the surfaces of walls as free.
 
     The bands of its two sides close a narrow doorway that the body fits through.
     """
-    return GrownGrid(sharpened(grid.log_odds, continuous=True), grid.origin, grid.cell)
+    evidence = grid.log_odds.copy()
+    evidence[grid.occupied & (sharpened(evidence, continuous=True) <= FREE_BELOW)] = FREE_BELOW
+    return GrownGrid(evidence, grid.origin, grid.cell)
 
 
 def without_specks(free: Mask, occupied: Mask, largest: float) -> Mask:
