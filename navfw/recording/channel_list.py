@@ -127,6 +127,9 @@ RULES = Topic(
     "/command/rules", "navfw.FiredRules", "10 Hz", "rules that fired, as `navfw explain --json`"
 )
 DECISION = Topic("/decision", DECISION_NAME, "10 Hz", "what behaviours and fusion knew, bit by bit")
+RULE_BASES = Topic(
+    "/rules", "navfw.RuleBases", "0.01 Hz", "the rule bases: text, and curves of the inputs"
+)
 IMU = Topic("/imu", "sensor_msgs/msg/Imu", "60 Hz", "gyro")
 JOINTS = Topic("/joint_states", "sensor_msgs/msg/JointState", "60 Hz", "wheels")
 ODOMETRY = Topic("/odom", "nav_msgs/msg/Odometry", "10 Hz", "dead reckoning")
@@ -139,6 +142,7 @@ DRIVEN = Topic("/cmd_vel/driven", _TWIST, "10 Hz", "of a bag's replay: the bag's
 CHANNELS = (
     *(*SENSOR_CHANNELS, FLOW, CELLS, PERCEPT, LOCAL_MAP, LOCAL_GOAL, OBSTACLES, TRUE_OBSTACLES),
     *(TRANSFORMS, POSE, TRUE_POSE, PATH, WORLD, PROPOSALS, COMMAND, RULES, DECISION),
+    RULE_BASES,
     *(IMU, JOINTS, ODOMETRY, TWIST, CAMERA_INFO, LOG),
 )
 """All channels of a run: what a replay needs, and what people and tools look at."""

@@ -30,6 +30,8 @@ from navfw.recording import channel_list as topics
 from navfw.recording.decision_message import decision_of
 from navfw.recording.decision_moment import DecisionMoment, copy_of
 from navfw.recording.explanations import explain_at
+from navfw.recording.recorded_rules import recorded_rule_bases, rule_differences
+from navfw.recording.recorded_run import RecordedRun
 from navfw.recording.ros_messages import message_types
 from navfw.recording.run_folder import recording_in
 from navfw.recording.run_replay import recorded_mission, recorded_stack
@@ -42,8 +44,8 @@ _KEPT = 50
 
 _EQUAL = 1e-5
 """Difference [m/s, rad/s] below which two commands are one."""
-_LISTED = 3
-"""Largest number of rules that are named as other ones."""
+_LISTED = 6
+"""Largest number of differences that are listed."""
 
 
 class RecordedDecisions:
@@ -157,11 +159,12 @@ def moment_at(folder: Path, time: float) -> DecisionMoment:
     command, proposals = moment.decide()
     v, w, twist = recorded["v"], recorded["w"], command.twist
     now = explain_command(command, proposals, moment.mofis)
-    changes = [str(change) for change in rule_changes(recorded, now)[:_LISTED]]
+    bases = recorded_rule_bases(RecordedRun(recording_in(folder)))
+    other = rule_differences(bases, moment.mofis) or [*map(str, rule_changes(recorded, now))]
     raise InputError(
         f"the command at {decided:.1f} s was {v:+.2f} m/s, {w:+.2f} rad/s, and is now"
-        f" {twist.v:+.2f} m/s, {twist.w:+.2f} rad/s: navfw, a plugin or its rules changed since"
-        f" ({'; '.join(changes)})",
+        f" {twist.v:+.2f} m/s, {twist.w:+.2f} rad/s: navfw, a plugin or its rules changed since\n  "
+        + "\n  ".join(other[:_LISTED]),
         file=folder,
     )
 

@@ -23,6 +23,7 @@ from navfw.recording import ros_messages as ros
 from navfw.recording import viewer_messages as messages
 from navfw.recording.channel_list import SeenRun
 from navfw.recording.decision_message import decision_fields
+from navfw.recording.recorded_rules import rule_bases
 from navfw.recording.run_folder import plain_json
 from navfw.signals import Command, Percept, Pose, SensorReading, Twist
 from navfw.stack.stack_state import StackState
@@ -148,6 +149,7 @@ def _views(
     if movers := seen.movers():
         yield topics.TRUE_OBSTACLES, partial(messages.movers_message, movers, stamp)
     yield topics.LOG, partial(_line, state, log_time)
+    yield topics.RULE_BASES, partial(rule_bases, stack.mofis)
     yield topics.WORLD, partial(messages.world_message, seen.outline, stamp)
     if grid.located:
         yield topics.LOCAL_MAP, partial(messages.local_map_message, grid, stamp)

@@ -185,6 +185,51 @@ function drawChart(canvas, {time, lines, label, from, to, now, marks, low, high}
   if (now !== undefined) line("#B0004E", 2, [], () => { pen.moveTo(px(now), top - 4); pen.lineTo(px(now), bottom); });
 }
 
+// The terms of an input over its range, points [x, degree] each; filled up to the degree at a value.
+const TERM_COLORS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#A87400", "#56B4E9", "#555", "#8C564B"];
+function drawTerms(canvas, {low, high, terms}, value) {
+  const [pen, wide] = sharpPen(canvas, 110), top = 34, bottom = 92;
+  const px = (x) => 8 + (x - low) / (high - low) * (wide - 16), py = (y) => bottom - y * (bottom - top);
+  const at = Math.min(Math.max(value, low), high);
+  const trace = (points) => points.forEach(([x, y], i) => pen[i ? "lineTo" : "moveTo"](px(x), py(y)));
+  const names = [];
+  Object.entries(terms).forEach(([name, points], n) => {
+    const next = Math.max(points.findIndex(([x]) => x >= at), 1), [a, b] = [points[next - 1], points[next]];
+    const degree = a[1] + (b[1] - a[1]) * (at - a[0]) / (b[0] - a[0] || 1);
+    pen.fillStyle = pen.strokeStyle = TERM_COLORS[n % TERM_COLORS.length];
+    pen.save();
+    pen.beginPath();
+    pen.rect(0, py(degree), wide, bottom - py(degree));
+    pen.clip();
+    pen.globalAlpha = 0.3;
+    pen.beginPath();
+    trace([[low, 0], ...points, [high, 0]]);
+    pen.fill();
+    pen.restore();
+    pen.beginPath();
+    trace(points);
+    pen.stroke();
+    const most = Math.max(...points.map((p) => p[1])), peak = points.filter((p) => p[1] > most - 1e-6).map((p) => p[0]);
+    names.push({degree, text: degree > 0.005 ? `${name} ${degree.toFixed(2)}` : name, x: px((peak[0] + peak[peak.length - 1]) / 2), color: pen.fillStyle});
+  });
+  const written = [[], []]; // in two lines, what has a degree first
+  for (const {text, x, color} of names.sort((a, b) => b.degree - a.degree)) {
+    const size = pen.measureText(text).width, left = Math.min(Math.max(x - size / 2, 0), wide - size);
+    const line = written.findIndex((others) => others.every(([from, to]) => left > to + 6 || left + size < from - 6));
+    if (line < 0) continue;
+    pen.fillStyle = color;
+    pen.fillText(text, left, 12 + 14 * line);
+    written[line].push([left, left + size]);
+  }
+  pen.fillStyle = "#4d5765";
+  for (const [x, align] of [[low, "left"], [high, "right"]]) {
+    pen.textAlign = align;
+    pen.fillText(Number(x.toPrecision(3)), px(x), bottom + 15);
+  }
+  pen.fillStyle = "#B0004E";
+  pen.fillRect(px(at) - 1, top - 4, 2, bottom - top + 4);
+}
+
 // Least and largest of numbers, however many.
 function minmax(values) {
   let least = Infinity, most = -Infinity;

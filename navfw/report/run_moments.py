@@ -87,8 +87,8 @@ def read_moments(
     a pixel from the upper left corner. ``robot`` is its true pose, ``estimate`` the believed one,
     ``way`` the points of the way ahead, x, y [m]. ``movers`` are discs (x, y, radius), ``courses``
     where each goes in a second, ``walkers`` the true discs; ``map`` is the local map, with its
-    lowest corner, yaw and size; ``rating`` a ``Rating``; ``chase`` the view from behind as a data
-    URL; None where one of these is not known.
+    lowest corner, yaw and size; ``rating`` a ``Rating``; ``inputs`` the values that the leader's
+    rules name; ``chase`` the view from behind as a data URL; None where one of these is not known.
 
     Raises:
         ConfigError: the recording is damaged.
@@ -172,6 +172,7 @@ def _moment(
         "sentence": str(latest.get("perception", latest).get("sentence", "")),
         "rules": "\n".join(explanation_lines(rules))[:_MAX_TEXT] if rules else "",
         "command": dict(content.get(topics.COMMAND, {})),
+        "inputs": _leading_inputs(rules or {}),
         "robot": None if robot is None else asdict(robot),
         "estimate": None if estimate is None else asdict(estimate),
         "way": [(p.position.x, p.position.y) for p in content.get(topics.PATH, _NOTHING).poses],
@@ -180,6 +181,13 @@ def _moment(
         **_surroundings(newest, maps),
         "rating": _rating(content[topics.PROPOSALS]) if topics.PROPOSALS in content else None,
     }
+
+
+def _leading_inputs(explanation: Mapping[str, Any]) -> dict[str, float]:
+    """The values of the inputs that the fired rules of the leading behaviour name."""
+    leader = explanation.get("behaviors", {}).get(explanation.get("leader"), {})
+    named = [rule.get("inputs", {}).items() for rule in leader.get("rules", ())]
+    return {name: value for items in named for name, value in items if value is not None}
 
 
 def _surroundings(newest: Mapping[str, RecordedMessage], maps: dict[float, str]) -> dict[str, Any]:

@@ -40,6 +40,17 @@
     if (moment.chase) part("chase").src = moment.chase;
   }
 
+  function showInputs(moment) { // of the leader's rules, each with its terms
+    const known = (data.inputs[moment.command.leader] || []).filter((one) => one.name in moment.inputs);
+    part("inputs").replaceChildren(...known.map((one) => {
+      const box = document.createElement("div"), title = document.createElement("span"), value = moment.inputs[one.name];
+      title.textContent = `${one.name} ${Number(value.toPrecision(3))} ${one.unit}`;
+      box.append(title, Object.assign(document.createElement("canvas"), {className: "chart", role: "img", ariaLabel: title.textContent}));
+      return box;
+    }));
+    known.forEach((one, n) => drawTerms(part("inputs").children[n].lastChild, one, moment.inputs[one.name]));
+  }
+
   function showPlan() {
     const moment = moments[number], map = moment.map;
     const image = map && maps[map[0]];
@@ -109,6 +120,7 @@
     if (rows) showPlan();
     if (rows) showCharts(moment);
     if (grid) showRatings(moment);
+    if (part("inputs")) showInputs(moment);
   }
 
   function nearest(time) {

@@ -23,6 +23,7 @@ from navfw.mapping import MapChange
 from navfw.numerics import Array
 from navfw.recording import palette, top_view
 from navfw.recording.channel_list import Chase, SeenRun
+from navfw.recording.recorded_rules import recorded_rule_bases
 from navfw.recording.recorded_run import RecordedRun, located_damage, open_run
 from navfw.recording.run_folder import MAP, PICTURE, RECORDING, plain_json, read_result
 from navfw.recording.what_if import WhatIf, what_if_lines
@@ -196,6 +197,8 @@ def _recorded(
     data: dict[str, Any] = {"events": [asdict(event) for event in events], "first": first}
     with located_damage(run.path, "the configuration in its result"):
         data |= _moments_data(moments, result["config"].get("stack", {}))
+        bases = recorded_rule_bases(run)
+        data["inputs"] = {name: base["inputs"] for name, base in bases.items()}
     if len(timeline.time):
         data["rows"] = _columns(timeline)
         ends = np.array([*goals, *((x, y) for _, x, y in places), *timeline.true.tolist()])

@@ -71,6 +71,33 @@ def test_without_recorded_decisions_the_run_is_repeated(folder: Path, tmp_path: 
     assert moment_at(copy, 2.4).decide()[0].twist == moment_at(folder, 2.4).decide()[0].twist
 
 
+def test_rules_that_are_others_now_are_listed_line_by_line(
+    folder: Path, tmp_path: Path, decisions: RecordedDecisions, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    base = rules_of(decisions, "go_to_xy").base
+    assert base.file is not None
+    text = Path(base.file).read_text()
+    changed = tmp_path / "go_to_xy.yaml"
+    changed.write_text(text.replace("turn IS straight", "turn IS hard_left"))
+    monkeypatch.setattr(BehaviorRules, "file_beside", of_folder(tmp_path))
+    with pytest.raises(InputError, match="and is now") as error:
+        moment_at(folder, 4.8)
+    shown = str(error.value).splitlines()
+    assert any(line.startswith("  go_to_xy: -") and "turn IS straight" in line for line in shown)
+    assert any(line.startswith("  go_to_xy: +") and "turn IS hard_left" in line for line in shown)
+
+
+def of_folder(folder: Path) -> object:
+    """``BehaviorRules.file_beside``, but files in ``folder`` come first."""
+    beside = BehaviorRules.file_beside
+
+    def file_beside(module_file: str) -> Path:
+        shipped = beside(module_file)
+        return folder / shipped.name if (folder / shipped.name).exists() else shipped
+
+    return staticmethod(file_beside)
+
+
 def test_what_a_decision_lacks_is_not_taken_for_nothing(decisions: RecordedDecisions) -> None:
     context = decisions.contexts[30]
     assert context.percept is not None

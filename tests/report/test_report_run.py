@@ -28,6 +28,7 @@ setTimeout(async () => {
     part("time").textContent, part("values").textContent, part("link").hash];
   [out.event, out.best] = [part("event").textContent, part("sum").dataset.best];
   out.at = slider.value;
+  out.inputs = [...part("inputs").children].map((one) => one.textContent).join("|");
   const before = seen();
   slider.value = slider.max;
   slider.dispatchEvent(new Event("input"));
@@ -81,6 +82,10 @@ def test_in_a_browser_all_panels_show_one_moment_and_go_from_event_to_event(
     desire = np.tensordot(weights, moment["rating"].desirability / 255.0, axes=1)
     support = np.where(worst > 0.5, 0.0, desire * (1.0 - worst))
     assert float(left["best"]) == pytest.approx(support.max(), abs=6e-4)
+    # the leader's inputs have a picture each, named with the value
+    inputs = [f"{name} {value:.3g}" for name, value in moment["inputs"].items()]
+    assert inputs
+    assert all(any(shown.startswith(one) for shown in left["inputs"].split("|")) for one in inputs)
     # the cross is within a region of what comes near the best
     v, w = moment["rating"].commands(2)
     near = np.abs(v - moment["command"]["v"]).argmin(), np.abs(w - moment["command"]["w"]).argmin()
