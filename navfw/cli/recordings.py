@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -67,6 +68,10 @@ _Rules = Annotated[
 ]
 
 
+WhatChanged = tuple[list[str], str | None, list[Path]]
+"""Settings, another stack, and files of rules."""
+
+
 def replay(
     folder: Annotated[
         Path,
@@ -120,25 +125,30 @@ def replay(
     for option, value in {**of_bag, "--topic": topic, "--out": out}.items():
         if value:
             raise typer.BadParameter("is for a bag", param_hint=option)
-    changes = [*(overrides or ()), *map(str, rules or ()), *([stack] if stack else [])]
-    if changes:
-        with quiet_stdout():
-            from navfw.recording.what_if import what_if, what_if_lines
-
-            changed = what_if(folder, overrides or (), stack, rules or ())
-            data, lines = changed.as_data(), what_if_lines(changed)
-            if report:
-                from navfw.report.run_page import ChangedRun, run_report
-
-                page = ChangedRun(", ".join(changes), changed)
-                target = folder / REPORT
-                write_text(target, run_report(folder, chase_of(folder), page))
-                data, lines = {**data, "report": str(target)}, [*lines, f"report: {target}"]
-        print_result(data, lines, json=json)
+    if overrides or rules or stack is not None:
+        _what_if(folder, (overrides or [], stack, rules or []), report=report, json=json)
         return
     if report:
         raise typer.BadParameter("needs --set, --stack or --rules", param_hint="--report")
     _replay_run(folder, video, json=json)
+
+
+def _what_if(folder: Path, change: WhatChanged, *, report: bool, json: bool) -> None:
+    """Print what a changed stack would have commanded; write it into the report as well."""
+    with quiet_stdout():
+        from navfw.recording.what_if import what_if, what_if_lines
+
+        changed, (overrides, stack, rules) = what_if(folder, *change), change
+        data, lines = changed.as_data(), what_if_lines(changed)
+        if report:
+            from navfw.report.run_page import ChangedRun, run_report
+
+            changes = ", ".join([*overrides, *map(str, rules), *filter(None, [stack])])
+            page = run_report(folder, chase_of(folder), ChangedRun(changes, changed))
+            write_text(folder / REPORT, page)
+            target = str(folder / REPORT)
+            data, lines = {**data, "report": target}, [*lines, f"report: {target}"]
+    print_result(data, lines, json=json)
 
 
 def _replay_run(folder: Path, video: Path | None, *, json: bool) -> None:
@@ -148,14 +158,7 @@ def _replay_run(folder: Path, video: Path | None, *, json: bool) -> None:
         result = run_again(folder)
         if video is not None:
             write_video(folder, video, quiet=json)
-    data = {
-        "command_hash": result.command_hash,
-        "recorded_hash": result.recorded_hash,
-        "same": result.same,
-        "ticks": result.ticks,
-        "first_difference": result.first_difference,
-        "complete": result.complete,
-    }
+    data = {**asdict(result), "same": result.same}
     ending = "" if result.complete else " (the recording ends before its run did)"
     lines = [f"same commands in all {result.ticks} ticks{ending}"]
     if not result.same:

@@ -156,13 +156,18 @@ def moment_at(folder: Path, time: float) -> DecisionMoment:
     moment = _repeated(folder, decided)
     if _gives(moment, recorded):
         return moment
+    raise _otherwise(folder, recorded, moment)
+
+
+def _otherwise(folder: Path, recorded: Mapping[str, Any], moment: DecisionMoment) -> InputError:
+    """Make the error that a decision is another one now than the ``recorded`` one."""
     command, proposals = moment.decide()
     v, w, twist = recorded["v"], recorded["w"], command.twist
     now = explain_command(command, proposals, moment.mofis)
     bases = recorded_rule_bases(RecordedRun(recording_in(folder)))
     other = rule_differences(bases, moment.mofis) or [*map(str, rule_changes(recorded, now))]
-    raise InputError(
-        f"the command at {decided:.1f} s was {v:+.2f} m/s, {w:+.2f} rad/s, and is now"
+    return InputError(
+        f"the command at {recorded['time']:.1f} s was {v:+.2f} m/s, {w:+.2f} rad/s, and is now"
         f" {twist.v:+.2f} m/s, {twist.w:+.2f} rad/s: navfw, a plugin or its rules changed since\n  "
         + "\n  ".join(other[:_LISTED]),
         file=folder,

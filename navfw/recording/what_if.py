@@ -132,11 +132,10 @@ def what_if(
                 reasons[reading.time] = changes[0]
     times = recording.times
     differ: Mask = np.asarray((np.abs(twists - recording.commands) >= _OTHER).any(axis=1))
-    first = float(times[differ.argmax()]) if differ.any() else None
     radius = changed.robot.radius
     held_before = _held_at(times, recorded)
     return WhatIf(
-        first=first,
+        first=float(times[differ.argmax()]) if differ.any() else None,
         share=float(differ.mean()) if len(differ) else 0.0,
         duration=float(times[-1]) if len(times) else 0.0,
         apart=_apart(times, recording.commands, twists, radius),
