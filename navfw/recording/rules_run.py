@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from navfw.config.extras import extra_imports
-from navfw.config.input_file import open_input
+from navfw.config.input_file import open_input, real_path, shown_path
 from navfw.errors import InputError
 from navfw.mofis.rules import BehaviorRules, RuledBehavior, RuledComposite, replace_rules
 from navfw.numerics import Array
@@ -54,8 +54,8 @@ class RulesRun:
         mofis = self._decisions.mofis
         plugins = {one.name: one for one in (mofis.composite, *mofis.behaviors.values()) if one}
         replace_rules(map(copy_of, plugins.values()), rules)  # raises for another name
-        self._owner = next(
-            name
+        self._owner, self._plugin = next(
+            (name, one)
             for name, one in plugins.items()
             if isinstance(one, RuledBehavior | RuledComposite)
             and one.rules.base.name == rules.base.name
@@ -80,8 +80,10 @@ class RulesRun:
             "others": [rule for rule in self._fired() if rule not in known],
         }
 
-    def moment(self, time: float, rules: BehaviorRules | None, shown: int) -> dict[str, Any]:
-        """The decision at ``time`` [s], with ``rules`` if they are given.
+    def moment(
+        self, time: float, rules: BehaviorRules | None, shown: int
+    ) -> tuple[dict[str, Any], dict[str, float]]:
+        """The decision at ``time`` [s], with ``rules`` if they are given, and their inputs.
 
         Its camera picture is left out if it is that of the decision ``shown``.
 
@@ -109,14 +111,14 @@ class RulesRun:
             "weights": weights,
         }
         picture = {} if index == shown else {"picture": self._picture(self._times[index])}
-        return picture | {
+        decided = picture | {
             "index": index,
             "time": self._times[index],
-            "values": {one.name: value for owner, one, value in inputs if owner == self._owner},
             "desirability": _packed([one.desirability for one in rated]),
             "prohibition": _packed([one.prohibition for one in rated]),
             "command": said | {"applicability": degrees, "weights": weights},
         }
+        return decided, {one.name: value for owner, one, value in inputs if owner == self._owner}
 
     def differences(self, commands: Sequence[tuple[float, float]]) -> dict[str, Any]:
         """The ``commands`` of all decisions, and from when to when [s] others were recorded."""
@@ -124,6 +126,13 @@ class RulesRun:
         differ = np.asarray((np.abs(table - self._decisions.commands) >= _OTHER).any(axis=1))
         where = spans(self._decisions.times, differ, _PAUSE)
         return _columns(table) | {"where": [(times[begin], times[end]) for begin, end in where]}
+
+    def check_drivable(self, file: Path) -> None:
+        """Raise InputError if the stack of the run reads its rules elsewhere than in ``file``."""
+        read = self._plugin.rules_file()
+        if real_path(file) != real_path(read):
+            what = f"is not what {self._owner} reads: {shown_path(read)}; edit that file"
+            raise InputError(what, file=shown_path(file))
 
     def _with(self, rules: BehaviorRules) -> DecisionMoment:
         """The moment that was asked for last, with ``rules``."""

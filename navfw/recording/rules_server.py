@@ -99,6 +99,8 @@ class RulesServer(PageServer):
             self._job.cancel()
         elif message["op"] in {"drive", "test"} and self._job is None:
             self._job = self._loop.create_task(self._work(client, message["op"]))
+        elif message["op"] in {"drive", "test"}:
+            tell(client, op="done", message="another page drives or tests at present")
 
     def _seen(self, message: Mapping[str, Any]) -> tuple[BehaviorRules | None, dict[str, Any]]:
         """The rules in the text, if nothing is wrong with them, and what the page draws of them."""
@@ -107,11 +109,11 @@ class RulesServer(PageServer):
         sound, values = None if problem else rules, dict[str, float]()
         answer: dict[str, Any] = {"problem": problem, "lines": lines}
         if self._run is not None and rules is not None:
+            moment, shown = float(message["time"]), int(message["shown"])
             try:
-                moment = self._run.moment(float(message["time"]), sound, int(message["shown"]))
-                values, answer["moment"] = moment["values"], moment
-            except InputError as error:
-                answer["note"] = str(error)
+                answer["moment"], values = self._run.moment(moment, sound, shown)
+            except Exception as error:  # a plugin may raise anything
+                answer["note"] = str(error) or type(error).__name__
         if rules is not None:
             values |= {str(name): float(value) for name, value in message["values"].items()}
             answer["view"] = view_of(rules, text, values, message["surface"])
@@ -162,8 +164,9 @@ class RulesServer(PageServer):
                 code = await self._navfw(client, "check", self._file.plugin or self._file.path)
                 result["message"] = "all is well" if code == 0 else "something is wrong"
             elif self._run is not None:
+                self._run.check_drivable(self._file.path)
                 result = await self._drive(client, self._run.folder)
-        except InputError as error:
+        except (InputError, LookupError, OSError) as error:
             result["message"] = str(error)
         except asyncio.CancelledError:
             result["message"] = "stopped"

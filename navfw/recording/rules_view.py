@@ -60,10 +60,9 @@ def view_of(
     ``surface`` names the inputs ``x`` and ``y``, and the ``output``; by default the first ones.
     """
     base = rules.base
-    at = {
-        name: float(np.clip(values.get(name, 0.5 * (one.low + one.high)), one.low, one.high))
-        for name, one in base.inputs.items()
-    }
+    at = {name: 0.5 * (one.low + one.high) for name, one in base.inputs.items()}
+    at |= {name: value for name, value in values.items() if name in at and not np.isnan(value)}
+    at = {name: float(np.clip(at[name], one.low, one.high)) for name, one in base.inputs.items()}
     result, spans = rules.fis.evaluate_one(at), scalar_spans(text)
     places = {path: (_units(text, a), _units(text, b)) for path, (a, b) in spans.items()}
     inputs, outputs = [], []

@@ -1,6 +1,7 @@
 """The page for rules: it says what the rules say, and saves, drives and tests what was edited."""
 
 import json
+import math
 import re
 import signal
 import socket
@@ -227,14 +228,14 @@ def test_the_recorded_rules_give_the_recorded_commands_and_others_differ(folder:
     rules = BehaviorRules(GO_TO)
     run, recorded = RulesRun(folder, rules), RecordedDecisions(folder)
     for index in (3, 40, 12):
-        told = run.moment(float(recorded.times[index]), rules, index)
+        told, _ = run.moment(float(recorded.times[index]), rules, index)
         twist = told["command"]["v"], told["command"]["w"]
         assert twist == pytest.approx(recorded.commands[index].tolist())
         assert "picture" not in told
         assert told["index"] == index
-    told = run.moment(3.0, None, -1)
+    told, values = run.moment(3.0, None, -1)
     assert told["picture"].startswith("data:image/png;base64,")
-    assert told["values"].keys() == rules.base.inputs.keys()
+    assert values.keys() == rules.base.inputs.keys()
     assert run.differences([*run.replaced(rules)])["where"] == []
     assert run.about(rules)["others"] == []
 
@@ -242,7 +243,7 @@ def test_the_recorded_rules_give_the_recorded_commands_and_others_differ(folder:
     others = run.about(other)["others"]
     assert others == ["IF bearing IS ahead AND distance IS away THEN speed IS full"]
     assert run.differences([*run.replaced(other)])["where"]
-    assert run.moment(3.0, other, -1)["command"]["v"] < told["command"]["v"]
+    assert run.moment(3.0, other, -1)[0]["command"]["v"] < told["command"]["v"]
 
 
 def test_a_moment_outside_and_rules_of_no_run_are_refused(folder: Path) -> None:
@@ -255,6 +256,23 @@ def test_a_moment_outside_and_rules_of_no_run_are_refused(folder: Path) -> None:
         RulesRun(folder, renamed)
     with pytest.raises(InputError, match="did you mean 'avoid'"):
         run.moment(2.0, renamed, -1)
+
+
+def test_a_file_that_the_stack_does_not_read_is_not_driven(folder: Path, project: Path) -> None:
+    run, copy = RulesRun(folder, BehaviorRules(AVOID)), project / "behaviors" / "avoid.yaml"
+    other = project / "mine.yaml"
+    run.check_drivable(AVOID)
+    with pytest.raises(InputError, match="is not what avoid reads"):
+        run.check_drivable(other)
+    RulesFile(AVOID).save(AVOID.read_text() + "\n", AVOID.read_text())
+    run.check_drivable(copy)
+    with pytest.raises(InputError, match=r"mine.yaml: is not .* reads: behaviors/avoid.yaml; edit"):
+        run.check_drivable(other)
+
+
+def test_a_value_that_is_none_is_drawn_in_the_middle() -> None:
+    view = view_of(BehaviorRules(AVOID), AVOID.read_text(), {"pace": math.nan, "reserve": 9.0}, {})
+    assert [one["value"] for one in view["inputs"]] == [3.0, 1.5, 0.25, 0.25]
 
 
 def test_a_run_is_driven_again_by_the_words_that_drove_it(folder: Path) -> None:
