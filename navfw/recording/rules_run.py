@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -77,7 +78,7 @@ class RulesRun:
             **_columns(self._decisions.commands),
             "grid": {"names": names, "v": grid.v.tolist(), "w": grid.w.tolist()},
             "fusion": {**(settings or {}), "name": kind},
-            "others": [rule for rule in self._fired() if rule not in known],
+            "others": [rule for rule in self._fired if rule not in known],
         }
 
     def moment(
@@ -101,14 +102,13 @@ class RulesRun:
         command, proposals = moment.decide()
         inputs = moment.inputs(moment.mofis.commands.nearest(command.twist))
         rated = [proposals[name] for name in moment.mofis.behaviors]
-        degrees = {name: float(one.applicability) for name, one in proposals.items()}
-        weights = {name: float(weight) for name, weight in command.weights.items()}
-        said: dict[str, Any] = {"leader": command.leader, "reason": command.reason}
-        said |= {
+        said = {
             "v": command.twist.v,
             "w": command.twist.w,
-            "applicability": degrees,
-            "weights": weights,
+            "leader": command.leader,
+            "reason": command.reason,
+            "weights": {name: float(weight) for name, weight in command.weights.items()},
+            "applicability": {name: float(one.applicability) for name, one in proposals.items()},
         }
         picture = {} if index == shown else {"picture": self._picture(self._times[index])}
         decided = picture | {
@@ -116,7 +116,7 @@ class RulesRun:
             "time": self._times[index],
             "desirability": _packed([one.desirability for one in rated]),
             "prohibition": _packed([one.prohibition for one in rated]),
-            "command": said | {"applicability": degrees, "weights": weights},
+            "command": said,
         }
         return decided, {one.name: value for owner, one, value in inputs if owner == self._owner}
 
@@ -160,6 +160,7 @@ class RulesRun:
                 return f"data:image/{image.format};base64,{code}"
         return ""
 
+    @cached_property
     def _fired(self) -> list[str]:
         """Rules of the owner that fired in the recording, at some of its decisions."""
         told = [data for _, _, data in RecordedRun(recording_in(self.folder)).packed(topics.RULES)]
