@@ -20,6 +20,7 @@ from navfw.errors import WorldError
 from navfw.localmap import LocalMap
 from navfw.localmap.local_planner import LocalPlanner
 from navfw.localmap.occupancy_grid import OccupancyGrid
+from navfw.missions.missed_walkers import how_missed
 from navfw.missions.outcome import Cause, Outcome
 from navfw.missions.run_metrics import path_length
 from navfw.numerics import Array, Mask
@@ -85,10 +86,7 @@ class FailureSymptoms:
 
 
 def failure_of(result: MissionResult) -> dict[str, Any]:
-    """The ``cause`` of a failed run (``Cause``), and ``cause_seen``: what a person sees of it.
-
-    Empty for a run that succeeded or was cancelled.
-    """
+    """The ``cause`` of a failed run, and ``cause_seen``, what a person sees of it; else empty."""
     if result.outcome.succeeded or result.outcome is Outcome.CANCELLED:
         return {}
     try:
@@ -147,7 +145,7 @@ def _of_delay(symptoms: FailureSymptoms) -> Cause:
         return Cause.ESTIMATE_ERROR
     if symptoms.sight is Sight.NOTHING:
         return Cause.NOTHING_SEEN
-    cost, without_phantoms, sharpened = symptoms.path_costs or (0.0, 0.0, 0.0)
+    cost, without_phantoms, sharpened = symptoms.path_costs or (0.0,) * 3
     if cost > _DETOUR * without_phantoms:
         return Cause.PHANTOM_OBSTACLES
     if cost > _DETOUR * sharpened:
@@ -179,10 +177,11 @@ def sentence(cause: Cause, result: MissionResult) -> str:
     waypoint = result.session.stack.state.waypoint
     where = "the goal" if waypoint is None or waypoint.final else waypoint.label
     body = result.contacts[0].body if result.contacts else ""
-    parts = (solid for solid in result.session.plan.solids if solid.name == body)
     if result.movers is not None and body in result.movers.names:
+        if cause in (Cause.MAPPED_AS_FREE, Cause.UNSEEN):
+            return f"a walker ({body}), {how_missed(result, body)}"
         body = f"a walker ({body})"
-    elif any(part.top <= _LOW for part in parts):
+    elif any(s.top <= _LOW for s in result.session.plan.solids if s.name == body):
         body = f"a low foot ({body})"
     return cause.sentence.format(body=body, waypoint=where)
 
@@ -275,8 +274,7 @@ def _nearest_point(plan: SceneGeometry, x: float, y: float) -> Array:
     around = np.array([[x, y], [x + step, y], [x - step, y], [x, y + step], [x, y - step]])
     distance = plan.clearances(around)
     gradient = np.array([distance[1] - distance[2], distance[3] - distance[4]]) / (2.0 * step)
-    nearest: Array = np.array([x, y]) - distance[0] * gradient
-    return nearest
+    return np.asarray(np.array([x, y]) - distance[0] * gradient)
 
 
 def _mapped(local_map: LocalMap, odometry: Odometry | None, now: Pose, point: Array) -> Mapped:

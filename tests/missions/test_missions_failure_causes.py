@@ -13,6 +13,7 @@ from navfw.missions.failure_causes import FailureSymptoms, classify, collect_sym
 from navfw.missions.outcome import Cause, MissionVerdict, Outcome
 from navfw.missions.session import Session
 from navfw.mofis.mofis import DecisionInputs
+from navfw.movers.tracking import Track
 from navfw.plugins import default_registry
 from navfw.recording.run_observers import Contact, RunLog, RunLogger
 from navfw.signals import Belief, Odometry, Pose, Sight, Twist
@@ -202,11 +203,33 @@ def test_a_failure_is_told_in_a_sentence(empty: Session, height: float, told: st
     session = session_with(empty, cylinders=(post,))
     ended = result_of(session, Outcome.COLLIDED, log_to(0.0, 0.0, 0.0, "post"), [])
     assert sentence(Cause.UNSEEN, ended) == f"{told} was never seen"
-    points = np.zeros((2, 1, 2))
-    movers = WalkerTrack(("post",), np.array([0.25]), np.array([0.0, 4.0]), points)
-    walked = sentence(Cause.MAPPED_AS_FREE, replace(ended, movers=movers))
-    assert walked == "a walker (post) was taken for free floor"
     assert sentence(Cause.SLOW, ended) == "the robot was still on its way to the goal"
+
+
+@pytest.mark.parametrize(
+    ("path", "tracked", "told"),
+    [
+        ([(3.0, 0.0), (0.43, 0.0)], None, "in view for the last 4.0 s, was not known to be there"),
+        ([(-3.0, 0.0), (-0.43, 0.0)], (0.5, 0.0), "out of view, was taken to be 0.9 m from where"),
+        ([(3.0, 0.0), (0.43, 0.0)], (0.5, 0.0), "in view for the last 4.0 s and tracked"),
+    ],
+)
+def test_how_a_walker_was_missed_is_told(
+    empty: Session,
+    path: list[tuple[float, float]],
+    tracked: tuple[float, float] | None,
+    told: str,
+) -> None:
+    points = np.array(path)[:, None]
+    movers = WalkerTrack(("anna",), np.array([0.25]), np.array([0.0, 4.0]), points)
+    ended = result_of(empty, Outcome.COLLIDED, log_to(0.0, 0.0, 0.0, "anna"), [])
+    stack = SimpleNamespace(**vars(ended.session.stack))
+    state = np.array([*OFFSET.to_parent(*tracked), 0.0, 0.0]) if tracked else None
+    tracks = () if state is None else (Track(state, np.eye(4), 0.25, 4.0),)
+    stack.tracker = SimpleNamespace(confirmed=tracks)
+    session: Any = SimpleNamespace(stack=stack, plan=empty.plan)
+    said = sentence(Cause.MAPPED_AS_FREE, replace(ended, movers=movers, session=session))
+    assert said.startswith(f"a walker (anna), {told}")
 
 
 def test_a_collision_while_reversing(empty: Session) -> None:

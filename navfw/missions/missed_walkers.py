@@ -1,0 +1,60 @@
+"""How a robot came to touch a walker that it did not expect there; for evaluation only."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from navfw.numerics import Mask
+from navfw.signals import Pose
+from navfw.sim.scene_geometry import SceneGeometry
+
+_LOOKED, _PAUSE = 6.0, 0.3
+"""Time [s] before a contact that is looked at, and for which a walker may be out of view."""
+
+_SAME = 0.4
+"""Distance [m] from a walker up to which a track is taken to be its own."""
+
+_FAR = 2.0
+"""Distance [m] up to which a track may be that of a walker who went another way."""
+
+
+def how_missed(result: Any, name: str) -> str:
+    """Say how the walker ``name`` of the ``MissionResult`` was missed.
+
+    That is whether it was in view before the contact, and where the stack had it: from the log of
+    true poses, the walkers' true positions, and the stack's tracks at the end.
+    """
+    log, stack = result.log, result.session.stack
+    late = log.time > log.contacts[0].time - _LOOKED
+    times, poses, index = log.time[late], log.true[late], result.movers.names.index(name)
+    radius = float(result.movers.radii[index])
+    walker = result.movers.at(times)[:, index]
+    offset = walker - poses[:, :2]
+    away = np.maximum(np.hypot(*offset.T), 1e-9)
+    turned = np.arctan2(offset[:, 1], offset[:, 0]) - poses[:, 2]
+    bearing = np.abs((turned + math.pi) % (2.0 * math.pi) - math.pi)
+    edge = 0.5 * stack.robot.camera.hfov + np.arcsin(np.minimum(radius / away, 1.0))
+    shown = (bearing < edge) & _unhidden(result.session.plan, poses, walker)
+    gone = np.flatnonzero(~shown & (times < times[-1] - _PAUSE))
+    in_view = float(times[-1] - (times[gone[-1]] if len(gone) else times[0]))
+    now, odometry = Pose(*poses[-1].tolist()), stack.state.odometry
+    there = odometry.pose.to_parent(*now.to_local(*walker[-1].tolist()))
+    tracks = [math.dist(there, track.predict(odometry.time)) for track in stack.tracker.confirmed]
+    nearest = min(tracks, default=math.inf)
+    seen = f"in view for the last {in_view:.1f} s" if in_view > _PAUSE else "out of view"
+    if nearest <= _SAME:
+        return f"{seen} and tracked"
+    if nearest <= _FAR:
+        return f"{seen}, was taken to be {nearest:.1f} m from where it was"
+    return f"{seen}, was not known to be there"
+
+
+def _unhidden(plan: SceneGeometry, poses: Any, walker: Any) -> Mask:
+    """Whether nothing of the ``plan`` stands between robot and walker, at each time."""
+    shares = np.linspace(0.1, 0.9, 17)[:, None, None]
+    between = poses[:, :2] + shares * (walker - poses[:, :2])
+    clear = plan.clearances(between.reshape(-1, 2)).reshape(len(shares), -1)
+    return np.asarray((clear > 0.0).all(axis=0))
