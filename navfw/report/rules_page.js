@@ -177,7 +177,8 @@
     const values = numbers(term);
     if (term.kind === "gauss") return index ? Math.max(Math.abs(x - values[0]), 1e-6) : x;
     if (term.kind === "sigmoid") return index ? 2 / (x - values[0] || 1e-6) : x;
-    return Math.min(Math.max(x, values[index - 1] ?? -Infinity), values[index + 1] ?? Infinity);
+    const [least, most] = [values[index - 1], values[index + 1]]; // not a number: none, or of an alias
+    return Math.min(Math.max(x, Number.isFinite(least) ? least : -Infinity), Number.isFinite(most) ? most : Infinity);
   }
   const numbers = (term) => term.numbers.map(([begin, end]) => Number(answered.text.slice(begin, end)));
   const rounded = (x, width) => Number(x.toFixed(Math.min(Math.max(3 - Math.ceil(Math.log10(width)), 0), 12)));
@@ -270,6 +271,8 @@
     if (panel.slider && document.activeElement !== panel.slider) Object.assign(panel.slider, {min: one.low, max: one.high, value: one.value});
     for (const {handle, t, n} of panel.handles) {
       const term = one.terms[t], values = numbers(term), [x, y] = SPOTS[term.kind](values)[n];
+      handle.style.display = Number.isFinite(x) ? "" : "none"; // of an alias
+      if (!Number.isFinite(x)) continue;
       const place = {cx: px(x), cy: py(y), "aria-valuenow": values[n], "aria-valuemin": low, "aria-valuemax": high, "aria-label": `${one.name} ${term.name}, ${NAMES[term.kind][n]}`};
       for (const [attribute, value] of Object.entries(place)) handle.setAttribute(attribute, value);
     }
