@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from navfw.numerics import Mask
+from navfw.numerics import Array, Mask
 from navfw.signals import Pose
 from navfw.sim.scene_geometry import SceneGeometry
 
@@ -32,19 +32,17 @@ def how_missed(result: Any, name: str) -> str:
     times, poses, index = log.time[late], log.true[late], result.movers.names.index(name)
     radius = float(result.movers.radii[index])
     walker = result.movers.at(times)[:, index]
-    offset = walker - poses[:, :2]
-    away = np.maximum(np.hypot(*offset.T), 1e-9)
-    turned = np.arctan2(offset[:, 1], offset[:, 0]) - poses[:, 2]
-    bearing = np.abs((turned + math.pi) % (2.0 * math.pi) - math.pi)
-    edge = 0.5 * stack.robot.camera.hfov + np.arcsin(np.minimum(radius / away, 1.0))
-    shown = (bearing < edge) & _unhidden(result.session.plan, poses, walker)
-    gone = np.flatnonzero(~shown & (times < times[-1] - _PAUSE))
+    half = 0.5 * stack.robot.camera.hfov
+    rims = [_rim(Pose(*pose), at, radius) for pose, at in zip(poses.tolist(), walker, strict=True)]
+    shown = (np.array(rims) < half) & _unhidden(result.session.plan, poses, walker)
+    newest = times > times[-1] - _PAUSE
+    gone = np.flatnonzero(~shown & ~newest)
     in_view = float(times[-1] - (times[gone[-1]] if len(gone) else times[0]))
     now, odometry = Pose(*poses[-1].tolist()), stack.state.odometry
-    there = odometry.pose.to_parent(*now.to_local(*walker[-1].tolist()))
-    tracks = [math.dist(there, track.predict(odometry.time)) for track in stack.tracker.confirmed]
+    place = odometry.pose.to_parent(*now.to_local(*walker[-1].tolist()))
+    tracks = [math.dist(place, track.predict(odometry.time)) for track in stack.tracker.confirmed]
     nearest = min(tracks, default=math.inf)
-    seen = f"in view for the last {in_view:.1f} s" if in_view > _PAUSE else "out of view"
+    seen = f"in view for the last {in_view:.1f} s" if shown[newest].any() else "out of view"
     if nearest <= _SAME:
         return f"{seen} and tracked"
     if nearest <= _FAR:
@@ -52,7 +50,14 @@ def how_missed(result: Any, name: str) -> str:
     return f"{seen}, was not known to be there"
 
 
-def _unhidden(plan: SceneGeometry, poses: Any, walker: Any) -> Mask:
+def _rim(robot: Pose, at: Array, radius: float) -> float:
+    """The bearing [rad] of the edge of a disc that is nearest to straight ahead."""
+    ahead, aside = robot.to_local(*at.tolist())
+    away = max(math.hypot(ahead, aside), radius)
+    return abs(math.atan2(aside, ahead)) - math.asin(radius / away)
+
+
+def _unhidden(plan: SceneGeometry, poses: Array, walker: Array) -> Mask:
     """Whether nothing of the ``plan`` stands between robot and walker, at each time."""
     shares = np.linspace(0.1, 0.9, 17)[:, None, None]
     between = poses[:, :2] + shares * (walker - poses[:, :2])
