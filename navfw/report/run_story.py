@@ -26,8 +26,8 @@ from navfw.recording.recorded_run import RecordedRun, located_damage, open_run
 from navfw.recording.run_folder import MAP, RESULT, read_result
 from navfw.topomap import load_map
 
-LINES = 30
-"""Largest number of lines of a story."""
+LINES = 29
+"""Largest number of lines of a story, beside that on how the run ended."""
 
 _STANDING, _TURNING = 0.02, 0.1
 """Speed [m/s] and rate [rad/s] up to which a robot stands, or does not turn."""
