@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import base64
-import json
 from collections.abc import Sequence
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +18,7 @@ from navfw.numerics.arrays import spans
 from navfw.recording import channel_list as topics
 from navfw.recording.decision_moment import DecisionMoment, copy_of
 from navfw.recording.recorded_decisions import RecordedDecisions
+from navfw.recording.recorded_rules import recorded_rule_bases, rule_differences
 from navfw.recording.recorded_run import RecordedRun
 from navfw.recording.ros_messages import message_types
 from navfw.recording.run_folder import read_result, recording_in
@@ -30,8 +29,6 @@ _PAUSE = 0.5
 """Time [s] between two differences up to which they are one."""
 _MAX_AGE = 1.0
 """Largest age of the camera picture of a moment [s]."""
-_MAX_READ = 100
-"""Largest number of decisions whose rules are compared with those of the file."""
 
 
 class RulesRun:
@@ -62,23 +59,25 @@ class RulesRun:
             and one.rules.base.name == rules.base.name
         )
         self._recorded = 0, self._decisions.moment(0)
+        self._others = rule_differences(
+            recorded_rule_bases(RecordedRun(recording_in(folder))), mofis
+        )
 
-    def about(self, rules: BehaviorRules | None) -> dict[str, Any]:
-        """What does not change with time: commands, their grid, fusion; rules that fired.
+    def about(self) -> dict[str, Any]:
+        """What does not change with time: commands, their grid, fusion, and other rules.
 
-        ``others`` are rules that fired in the recording, and are not among ``rules``.
+        ``others`` are the lines in which the files of rules are others than those recorded.
         """
         grid = self._decisions.mofis.commands
         names = [*self._decisions.mofis.behaviors]
         fusion = read_result(self.folder)["config"]["stack"]["fusion"]
         ((kind, settings),) = fusion.items()
-        known = {rule.sentence for rule in rules.base.rules} if rules is not None else set()
         return {
             "times": self._times,
             **_columns(self._decisions.commands),
             "grid": {"names": names, "v": grid.v.tolist(), "w": grid.w.tolist()},
             "fusion": {**(settings or {}), "name": kind},
-            "others": [rule for rule in self._fired if rule not in known],
+            "others": self._others,
         }
 
     def moment(
@@ -159,18 +158,6 @@ class RulesRun:
                 code = base64.b64encode(bytes(image.data)).decode("ascii")
                 return f"data:image/{image.format};base64,{code}"
         return ""
-
-    @cached_property
-    def _fired(self) -> list[str]:
-        """Rules of the owner that fired in the recording, at some of its decisions."""
-        told = [data for _, _, data in RecordedRun(recording_in(self.folder)).packed(topics.RULES)]
-        rules: dict[str, None] = {}
-        for data in map(json.loads, told[:: max(1, len(told) // _MAX_READ)]):
-            composite = data.get("composite", {})
-            plugins = {**data.get("behaviors", {}), composite.get("name"): composite}
-            fired = plugins.get(self._owner, {}).get("rules", ())
-            rules |= dict.fromkeys(rule["rule"] for rule in fired)
-        return [*rules]
 
 
 def _columns(commands: Array) -> dict[str, Any]:

@@ -72,7 +72,7 @@ class RulesServer(PageServer):
         """Take the messages of a page; one that cannot be read ends the connection."""
         try:
             name, text = shown_path(self._file.path), self._file.read()
-            about = {} if self._run is None else self._run.about(read_rules(text, name).rules)
+            about = {} if self._run is None else self._run.about()
             tell(client, op="file", name=name, text=text, run=about)
             async for message in client:
                 self._take(client, json.loads(message))

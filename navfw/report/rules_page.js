@@ -397,9 +397,9 @@
   }
 
   function showOthers() {
-    part("others").replaceChildren(...(run.others || []).map((rule) => {
+    part("others").replaceChildren(...(run.others || []).slice(0, 20).map((rule) => {
       const item = document.createElement("li");
-      item.textContent = `fired in the recording, not in the file: ${rule}`;
+      item.textContent = `recorded with -, in the files now +: ${rule}`;
       return item;
     }));
   }

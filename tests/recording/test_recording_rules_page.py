@@ -37,6 +37,7 @@ from navfw.robot import RobotModel
 RULES = [*(shipped_folder() / "behaviors").glob("*.yaml")]
 PAGE = Subprotocol("navfw.rules.v1")
 AVOID = shipped_folder() / "behaviors" / "avoid.yaml"
+CHANGE = "-0", "+8"
 FIRST = "  - IF reserve IS short THEN prohibit IS yes, desire IS none\n"
 GO_TO = AVOID.with_name("go_to_xy.yaml")
 
@@ -237,13 +238,22 @@ def test_the_recorded_rules_give_the_recorded_commands_and_others_differ(folder:
     assert told["picture"].startswith("data:image/png;base64,")
     assert values.keys() == rules.base.inputs.keys()
     assert run.differences([*run.replaced(rules)])["where"] == []
-    assert run.about(rules)["others"] == []
+    assert run.about()["others"] == []
 
     other = BehaviorRules.parse(GO_TO.read_text().replace("speed IS full", "speed IS slow"))
-    others = run.about(other)["others"]
-    assert others == ["IF bearing IS ahead AND distance IS away THEN speed IS full"]
     assert run.differences([*run.replaced(other)])["where"]
     assert run.moment(3.0, other, -1)[0]["command"]["v"] < told["command"]["v"]
+
+
+def test_rules_that_are_others_than_the_recorded_are_listed(folder: Path, project: Path) -> None:
+    before = GO_TO.read_text()
+    RulesFile(GO_TO).save(before.replace("[-20, 0, 20]", "[-20, 8, 20]"), before)
+    run = RulesRun(folder, BehaviorRules(project / "behaviors" / "go_to_xy.yaml"))
+    lines = [
+        f"go_to_xy: {sign}      ahead: {{triangle: [-20, {x}, 20]}}" for sign, x in ("-0", "+8")
+    ]
+    assert run.about()["others"] == lines
+    assert run.differences([*run.replaced(BehaviorRules(GO_TO))])["where"] == []
 
 
 def test_a_moment_outside_and_rules_of_no_run_are_refused(folder: Path) -> None:
