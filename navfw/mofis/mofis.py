@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from navfw.guard.stage_answers import check_command, check_proposal, check_weigh
 from navfw.interfaces import Behavior, Composite, Fusion, Plugin
 from navfw.localmap import Arcs, LocalGoal, LocalMap, Ranges
 from navfw.mofis.fusion import CUT
+from navfw.mofis.rules import Verdict, rounded
 from navfw.robot import RobotModel
 
 MOVING = 0.08  # chosen
@@ -271,11 +272,11 @@ def explain_command(
         "emergency": command.emergency,
         "behaviors": {
             name: {
-                "applicability": float(proposal.applicability),
-                "weight": float(command.weights.get(name, 0.0)),
-                "desirability": float(proposal.desirability[row, column]),
-                "best": float(proposal.desirability.max()),
-                "prohibition": float(proposal.prohibition[row, column]),
+                "applicability": rounded(proposal.applicability),
+                "weight": rounded(command.weights.get(name, 0.0)),
+                "desirability": rounded(proposal.desirability[row, column]),
+                "best": rounded(proposal.desirability.max()),
+                "prohibition": rounded(proposal.prohibition[row, column]),
                 "reason": proposal.reason,
                 "rules": _rules(guard, f"behavior {name}", proposal.explain, row, column),
             }
@@ -285,7 +286,7 @@ def explain_command(
     if mofis.composite is not None:
         explanation["composite"] = {
             "name": mofis.composite.name,
-            "weights": {name: float(weight) for name, weight in mofis.weights.items()},
+            "weights": {name: rounded(weight) for name, weight in mofis.weights.items()},
             "rules": _rules(guard, label_of(mofis.composite), mofis.composite.explain),
         }
     return explanation
@@ -295,6 +296,8 @@ def _rules(
     guard: PluginGuard, plugin: str, explain: Callable[..., object], *command: int
 ) -> list[dict[str, Any]]:
     """Return the rules that a plugin says fired; if it fails, its error in place of a rule."""
+    if isinstance(getattr(explain, "__self__", None), Verdict):
+        return cast("list[dict[str, Any]]", explain(*command))  # needs no check
     try:
         return guard.call(plugin, explain, *command, check=_check_rules)
     except PluginCallError as error:

@@ -6,6 +6,7 @@ A class derived from ``RuledBehavior`` or ``RuledComposite`` reads the YAML file
 from __future__ import annotations
 
 import inspect
+import math
 import re
 from abc import abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
@@ -39,6 +40,11 @@ def _cut_and_joined(terms: Array, cuts: Array) -> Array:
         for i in range(joined.size):
             joined[i] = max(joined[i], min(terms[t, i], cuts[t]))
     return joined
+
+
+def rounded(value: Any) -> float | None:
+    """Return a number to six decimals, for explanations; None if it is infinite or NaN."""
+    return round(float(value), 6) if math.isfinite(value) else None
 
 
 class Verdict:
@@ -101,17 +107,21 @@ class Verdict:
     def explain(self, row: int = 0, column: int = 0) -> list[dict[str, Any]]:
         """Return the rules that fired, strongest first, at (row, column) of ``evaluate_all``.
 
-        Each has its ``inputs``: the values of those that it names.
+        Each has its ``inputs``: the values of those that it names, None for infinite ones.
         """
         single = self._shape == (1,)
         index = 0 if single else int(np.ravel_multi_index((row, column), self._shape))
         values = {
-            name: float(value if single else np.asarray(value)[row, column])
+            name: rounded(value if single else np.asarray(value)[row, column])
             for name, value in self._inputs.items()
         }
         named = self._rules.named_inputs
         return [
-            {**rule, "inputs": {name: values[name] for name in named[rule["rule"]]}}
+            {
+                "rule": rule["rule"],
+                "strength": round(rule["strength"], 6),
+                "inputs": {name: values[name] for name in named[rule["rule"]]},
+            }
             for rule in self._rules.fis.explain(self._result, index)
         ]
 

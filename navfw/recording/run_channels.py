@@ -103,9 +103,16 @@ class RunChannels:
         channel = self._channels[topic]
         if channel.has_sinks():
             made = make()
-            if isinstance(made, Mapping):
-                made = json.dumps(plain_json(made, topics.DIGITS))
+            made = _json(made) if isinstance(made, Mapping) else made
             channel.log(made if isinstance(made, bytes) else made.encode(), log_time=log_time)
+
+
+def _json(content: Mapping[str, Any]) -> str:
+    """``content`` as JSON; most is plain already."""
+    try:
+        return json.dumps(content, allow_nan=False)
+    except (TypeError, ValueError):
+        return json.dumps(plain_json(content, topics.DIGITS))
 
 
 def image_message(topic: str, image: Image, now: int, code: str = _IMAGE_FORMAT) -> bytes:
