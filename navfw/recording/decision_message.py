@@ -1,7 +1,8 @@
 """The message of a decision: what behaviours and fusion knew, and the command they gave.
 
-It has all that shipped behaviours use, bit by bit, in about a kilobyte. With it a decision is made
-again without the images and the perception before it.
+It has all that shipped behaviours use, bit by bit: with it a decision is made again without the
+images and the perception before it. In `office` these messages are 7 % of a recording, and writing
+them takes 0.7 % of the loop. A state from which the whole stack could continue has some megabytes.
 """
 
 from __future__ import annotations
