@@ -175,6 +175,9 @@ _LOW = 0.12
 def sentence(cause: Cause, result: MissionResult) -> str:
     """What a person sees of a failure of this cause; empty where the reason says it all."""
     waypoint = result.session.stack.state.waypoint
+    belief = result.session.stack.state.belief
+    if cause is Cause.ESTIMATE_ERROR and belief is not None and belief.lost:
+        return "the robot did not find out where it was"
     where = "the goal" if waypoint is None or waypoint.final else waypoint.label
     body = result.contacts[0].body if result.contacts else ""
     if result.movers is not None and body in result.movers.names:

@@ -204,6 +204,11 @@ def test_a_failure_is_told_in_a_sentence(empty: Session, height: float, told: st
     ended = result_of(session, Outcome.COLLIDED, log_to(0.0, 0.0, 0.0, "post"), [])
     assert sentence(Cause.UNSEEN, ended) == f"{told} was never seen"
     assert sentence(Cause.SLOW, ended) == "the robot was still on its way to the goal"
+    assert sentence(Cause.ESTIMATE_ERROR, ended) == "the robot was not where it believed to be"
+    state = session.stack.state
+    assert state.belief is not None
+    session.stack.state = replace(state, belief=replace(state.belief, lost=True))
+    assert sentence(Cause.ESTIMATE_ERROR, ended) == "the robot did not find out where it was"
 
 
 @pytest.mark.parametrize(
