@@ -157,8 +157,7 @@ def _of_motion(symptoms: FailureSymptoms) -> Cause:
     if not symptoms.recent:
         return Cause.UNKNOWN
     moved = symptoms.recent_driven >= _MEAN_SPEED * symptoms.recent
-    approaching = moved and symptoms.gained > 0.5 * symptoms.driven
-    if symptoms.outcome is Outcome.TIMEOUT and approaching:
+    if symptoms.outcome is Outcome.TIMEOUT and moved and symptoms.gained > 0.5 * symptoms.driven:
         return Cause.SLOW
     if symptoms.vetoed > 0.5:
         return Cause.VETOED
@@ -174,11 +173,9 @@ _LOW = 0.12
 
 def sentence(cause: Cause, result: MissionResult) -> str:
     """What a person sees of a failure of this cause; empty where the reason says it all."""
-    waypoint = result.session.stack.state.waypoint
-    belief = result.session.stack.state.belief
-    if cause is Cause.ESTIMATE_ERROR and belief is not None and belief.lost:
+    state = result.session.stack.state
+    if cause is Cause.ESTIMATE_ERROR and state.belief is not None and state.belief.lost:
         return "the robot did not find out where it was"
-    where = "the goal" if waypoint is None or waypoint.final else waypoint.label
     body = result.contacts[0].body if result.contacts else ""
     if result.movers is not None and body in result.movers.names:
         if cause in (Cause.MAPPED_AS_FREE, Cause.UNSEEN):
@@ -186,6 +183,8 @@ def sentence(cause: Cause, result: MissionResult) -> str:
         body = f"a walker ({body})"
     elif any(s.top <= _LOW for s in result.session.plan.solids if s.name == body):
         body = f"a low foot ({body})"
+    ahead = state.waypoint
+    where = "the goal" if ahead is None or ahead.final else ahead.label
     return cause.sentence.format(body=body, waypoint=where)
 
 
