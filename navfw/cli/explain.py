@@ -54,6 +54,10 @@ def explain(
     json: Json = False,
 ) -> None:
     """Tell the story of a drive, or explain its command at one moment, rule by rule."""
+    if inference and (instead is not None or not json):
+        raise typer.BadParameter(
+            "needs --at and --json, without --why-not", param_hint="--inference"
+        )
     of_moment = {"--inference": inference, "--why-not": instead is not None}
     of_story = {"--from": begin > 0.0, "--to": end < math.inf}
     for option, is_set in (of_story if at is not None else of_moment).items():
@@ -75,8 +79,6 @@ def explain(
 
 def _explain_at(folder: Path, at: float, inference: bool, *, json: bool) -> None:
     """Print why the command at a moment was given."""
-    if inference and not json:
-        raise typer.BadParameter("needs --at and --json", param_hint="--inference")
     with quiet_stdout():
         from navfw.recording.explanations import explain_at
 

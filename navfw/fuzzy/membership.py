@@ -7,7 +7,6 @@ samples, so that their sampled form is exact.
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -23,6 +22,9 @@ _EDGE_WIDTH = 1e-9  # chosen
 
 _SAME = 1e-13  # chosen
 """Distance, relative to the range of the variable, below which two samples count as one."""
+
+MAX_SIZE = 1e12  # derived
+"""Largest magnitude of numbers in rules, and of a bound over the width of its range."""
 
 
 class Shape(ABC):
@@ -154,7 +156,7 @@ def make_shape(kind: str, parameters: Sequence[float]) -> Shape:
     """Make the shape ``kind`` (a key of ``SHAPES``) with the given parameters.
 
     Raises:
-        ValueError: wrong number of parameters, not finite, or out of order.
+        ValueError: wrong number of parameters, beyond ``MAX_SIZE``, or out of order.
 
     """
     shape, names = SHAPES[kind]
@@ -162,8 +164,8 @@ def make_shape(kind: str, parameters: Sequence[float]) -> Shape:
         raise ValueError(
             f"expected {len(names)} numbers [{', '.join(names)}], got {len(parameters)}"
         )
-    if not all(math.isfinite(value) for value in parameters):
-        raise ValueError("expected finite numbers")
+    if not all(abs(value) <= MAX_SIZE for value in parameters):
+        raise ValueError(f"expected numbers of at most {MAX_SIZE:g}, got {list(parameters)}")
     try:
         return shape(*(float(value) for value in parameters))
     except ValueError as error:

@@ -8,14 +8,11 @@ from typing import Annotated, Literal
 from pydantic import Field, field_validator
 
 from navfw.config.strict_model import StrictModel
-from navfw.fuzzy.membership import HEDGES
+from navfw.fuzzy.membership import HEDGES, MAX_SIZE
 from navfw.fuzzy.rulebase import KEYWORDS, NAME_PATTERN
 
 _MIN_WIDTH = 1e-6  # chosen
 """Least width of a range, in its unit: rounding would merge the samples of a narrower one."""
-
-_MAX_SIZE = 1e12  # derived
-"""Largest magnitude of a bound, and of a bound over the width of the range, for that reason."""
 
 
 def check_name(name: str) -> None:
@@ -43,9 +40,9 @@ class InputSpec(StrictModel):
         low, high = value
         if not high - low >= _MIN_WIDTH:
             raise ValueError(f"expected [low, high] with high > low, got [{low:g}, {high:g}]")
-        if max(abs(low), abs(high)) > _MAX_SIZE * min(1.0, high - low):
+        if max(abs(low), abs(high)) > MAX_SIZE * min(1.0, high - low):
             raise ValueError(
-                f"expected bounds of at most {_MAX_SIZE:g} and {_MAX_SIZE:g} times the width, "
+                f"expected bounds of at most {MAX_SIZE:g} and {MAX_SIZE:g} times the width, "
                 f"got [{low:g}, {high:g}]"
             )
         return value

@@ -171,10 +171,9 @@ class Mofis:
         self.context = context
         self.proposals = {}
         asked = self.fusion.needs_proposals
-        self.weights = self._weigh(context) if asked else {}
+        self.weights = self.weigh(self.composite, context) if asked else {}
         for name, behavior in self.behaviors.items() if asked else ():
-            label, check = f"behavior {name}", self._check_proposal
-            proposal = self.guard.attempt(label, behavior.propose, context, check=check)
+            proposal = self.propose(name, behavior, context)
             if proposal is not None:
                 self.proposals[name] = proposal.weighted(self.weights.get(name, 1.0))
         label, proposals = self._fusion_label, MappingProxyType(self.proposals)
@@ -240,12 +239,17 @@ class Mofis:
         about = [r["rule"] for r in rules if "speed IS" in r["rule"]] or [r["rule"] for r in rules]
         return f"{name}: {about[0]}" if about else name
 
-    def _weigh(self, context: Context) -> Mapping[str, float]:
-        """Ask the composite for each primitive's weight; empty if it fails or there is none."""
-        if self.composite is None:
+    def propose(self, name: str, behavior: Behavior, context: Context) -> signals.Proposal | None:
+        """Ask a behaviour for its proposal; None if it fails."""
+        label, check = f"behavior {name}", self._check_proposal
+        return self.guard.attempt(label, behavior.propose, context, check=check)
+
+    def weigh(self, composite: Composite | None, context: Context) -> Mapping[str, float]:
+        """Ask a composite for each primitive's weight; empty if it fails or there is none."""
+        if composite is None:
             return {}
-        weigh, check = self.composite.weigh, self._check_weights
-        return self.guard.attempt(self._composite_label, weigh, context, check=check) or {}
+        label, check = self._composite_label, self._check_weights
+        return self.guard.attempt(label, composite.weigh, context, check=check) or {}
 
 
 def explain_command(

@@ -106,7 +106,8 @@ class DecisionMoment:
     def __post_init__(self) -> None:
         self._weights = self._weigh(())
         for name in self.behaviors:
-            self._raw[name] = self._propose(name, ())
+            if (proposal := self._propose(name, ())) is not None:
+                self._raw[name] = proposal
 
     def decide(self, shifts: Sequence[Shift] = ()) -> tuple[Command, dict[str, Proposal]]:
         """Return the command, and the weighted proposals, with ``shifts`` applied.
@@ -128,7 +129,8 @@ class DecisionMoment:
         for name, raw in self._raw.items():
             moved = self._propose(name, by_plugin[name]) if name in by_plugin else raw
             degree = weights.get(name, 1.0) * factors.get(name, 1.0)
-            proposals[name] = moved.weighted(degree)
+            if moved is not None:
+                proposals[name] = moved.weighted(degree)
         return self.mofis.fusion.fuse(self.context, proposals), proposals
 
     def inputs(self, cell: tuple[int, int]) -> Iterator[tuple[str, Variable, float]]:
@@ -161,11 +163,11 @@ class DecisionMoment:
         plugin = self.behaviors.get(owner, self.composite)
         return plugin.rules if isinstance(plugin, RuledBehavior | RuledComposite) else None
 
-    def _propose(self, name: str, shifts: Sequence[Shift]) -> Proposal:
+    def _propose(self, name: str, shifts: Sequence[Shift]) -> Proposal | None:
         plugin: Behavior = copy_of(self.behaviors[name])
         rules = _shift_rules(plugin, shifts)
-        proposal = plugin.propose(self.context)
-        if rules is not None and not shifts:
+        proposal = self.mofis.propose(name, plugin, self.context)
+        if proposal is not None and rules is not None and not shifts:
             self._values |= {(name, one): np.asarray(seen) for one, seen in rules.seen.items()}
         return proposal
 
@@ -174,8 +176,8 @@ class DecisionMoment:
             return {}
         plugin: Composite = copy_of(self.composite)
         rules = _shift_rules(plugin, shifts)
-        weights = plugin.weigh(self.context)
-        if rules is not None and not shifts:
+        weights = self.mofis.weigh(plugin, self.context)
+        if weights and rules is not None and not shifts:
             owner, self._weighing = self.composite.name, plugin.explain()
             self._values |= {(owner, one): np.asarray(seen) for one, seen in rules.seen.items()}
         return weights

@@ -40,7 +40,7 @@ def explain_at(folder: str | Path, time: float, *, inference: bool = False) -> d
         recorded = repeat_until(folder, time)
     explanation: dict[str, Any] = plain_json(recorded[0], topics.DIGITS)
     last = recorded[1]
-    if time < 0.0 or time > last + _AFTER or not explanation:
+    if not 0.0 <= time <= last + _AFTER or not explanation:
         raise InputError(
             f"no command was in force at {time:g} s; expected a time within the run's "
             f"{last:.1f} s, after its first command",
@@ -71,7 +71,7 @@ def _recorded(folder: str | Path, time: float) -> tuple[dict[str, Any], float] |
             if not any(index.name == topics.END for index in summary.metadata_indexes):
                 return None
             last = 1e-9 * summary.statistics.message_end_time
-            before = topics.nanoseconds(max(time, 0.0)) + 1
+            before = topics.nanoseconds(min(max(0.0, time), 1e6)) + 1
             wanted = (topics.RULES, topics.COMMAND)
             decided = 0
             for _, channel, message in reader.iter_messages(

@@ -47,7 +47,7 @@ class RulesRun:
         self.replaced = self._decisions.replaced
         self._times: list[float] = self._decisions.times.tolist()
         if not self._times:
-            what = "has no recorded decisions; record the run again by this navfw"
+            what = "is cut off, or has no recorded decisions; record the run again by this navfw"
             raise InputError(what, file=folder)
         mofis = self._decisions.mofis
         plugins = {one.name: one for one in (mofis.composite, *mofis.behaviors.values()) if one}

@@ -76,7 +76,9 @@ class RulesServer(PageServer):
             tell(client, op="file", name=name, text=text, run=about)
             async for message in client:
                 self._take(client, json.loads(message))
-        except (InputError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+        except InputError as error:  # of the file
+            await client.close(1011, str(error).encode()[:120].decode(errors="ignore"))
+        except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
             await client.close(1003)
         except ConnectionClosed:
             pass

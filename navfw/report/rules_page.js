@@ -51,7 +51,7 @@
       if (drawable) {
         answered = {text: asked, view: message.view};
         draw();
-      }
+      } else if (run_known) showCommands();
       document.body.dataset.answered = number;
       for (const handle of document.querySelectorAll(".handle")) handle.setAttribute("aria-disabled", !drawable);
       showState();
@@ -104,12 +104,16 @@
     },
   };
   socket.onmessage = (event) => { const message = JSON.parse(event.data); take[message.op](message); };
-  socket.onclose = () => { part("state").textContent = "the connection is lost"; part("state").className = "bad"; };
+  socket.onclose = (event) => {
+    part("state").textContent = `the connection is lost: ${event.reason || "start navfw rules again; what is not saved is only here"}`;
+    part("state").className = "bad";
+    for (const id of ["save", "test", "drive"]) part(id).disabled = true;
+  };
 
   function showState() {
     const wrong = !part("problem").hidden, changed = area.value !== file.text;
     part("state").className = wrong ? "bad" : changed ? "" : "good";
-    const refused = `refused as it stands${drawable ? "" : "; drawn is the last valid state"}`;
+    const refused = `refused as it stands${drawable || !answered.view ? "" : "; drawn is the last valid state"}`;
     part("state").textContent = `${file.name}: ${wrong ? refused : changed ? "changed, not saved" : "as in the file"}`;
     part("save").disabled = wrong || !changed;
     part("test").disabled = part("drive").disabled = wrong;

@@ -124,17 +124,21 @@ def read_story(
 
     """
     with located_damage(run.path, "a message"):
-        decisions = [d for d in _decisions(run) if begin <= d.time <= end]
+        everything = [*_decisions(run)]
+    decisions = [one for one in everything if begin <= one.time <= end]
     with located_damage(Path(RESULT), "what the run was asked to do,"):
-        told = [*_frame(result, decisions, places), *_of_result(result)]
+        told = [*_frame(result, decisions, places, run.complete), *_of_result(result)]
         top = float(result["config"]["mission"]["robot"]["max_v"])
     whole = begin <= 0.0 and math.isinf(end)
     shorter = 1.0 if whole else _CLOSER
     episodes = list(_episodes(decisions, top, shorter, places)) if decisions else []
+    if decisions and not run.complete:
+        last, text = decisions[-1].time, "here the recording ends, before its run did"
+        told.append(StoryLine(last, last, "cut", text))
     told = [line for line in told if begin <= line.time <= end]
     episodes.sort(key=lambda one: (EPISODES.index(one.kind) > 4, one.time - one.until))
     told += episodes[: max(0, lines - len(told))]
-    passed = list(_passed(decisions, places))
+    passed = [line for line in _passed(everything, places) if begin <= line.time <= end]
     told += passed[:: math.ceil(len(passed) / max(1, lines - len(told)))] if passed else []
     return sorted(told[:lines], key=lambda line: (line.time, line.kind == "end"))
 
@@ -166,9 +170,9 @@ def story_of(
 
 
 def headline(result: Mapping[str, Any]) -> str:
-    """How the run ended, and why if it failed, in a sentence."""
+    """How the run ended, why if it failed, and which plugins failed, in a sentence."""
     after = f" after {result['sim_time_s']:.1f} s" if "sim_time_s" in result else ""
-    why = why_so(result)
+    why = "; ".join([why_so(result), *result.get("objections", ())])
     return f"{result['outcome']}{after}{'' if why.startswith('because ') else ':'} {why}"
 
 
@@ -321,8 +325,9 @@ def _frame(
     result: Mapping[str, Any],
     decisions: Sequence[_Decision],
     places: Mapping[str, tuple[float, float]],
+    complete: bool,
 ) -> Iterator[StoryLine]:
-    """What was wanted, and how it ended."""
+    """What was wanted, and how it ended, with the place if the recording is ``complete``."""
     mission = result["config"]["mission"]
     goals = [str(goal["place"] or f"({goal['x']:g}, {goal['y']:g})") for goal in mission["goals"]]
     more = [f"{len(goals) - _GOALS} more"] if len(goals) > _GOALS else []
@@ -331,7 +336,7 @@ def _frame(
     known = "" if mission.get("start_known", True) else ", a start that it did not know"
     yield StoryLine(0.0, 0.0, "start", f"{start}{known}: wanted {wanted}")
     end = float(result.get("sim_time_s", decisions[-1].time if decisions else 0.0))
-    place = f"{_where(decisions[-1], places)}: " if decisions else ""
+    place = f"{_where(decisions[-1], places)}: " if decisions and complete else ""
     why = f", {result['reason']}" if result.get("reason") else ""
     yield StoryLine(end, end, "end", f"{place}{result.get('outcome', 'the end')}{why}")
 

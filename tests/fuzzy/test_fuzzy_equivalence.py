@@ -86,7 +86,9 @@ def test_hedges_act_from_the_term_outwards() -> None:
         ("trapezoid", [0.0, 2.0, 1.0, 3.0], "a <= b <= c <= d"),
         ("gauss", [0.0, 0.0], "sigma > 0"),
         ("sigmoid", [0.0, 0.0], "slope not 0"),
-        ("gauss", [0.0, float("inf")], "finite"),
+        ("gauss", [0.0, float("inf")], "at most 1e[+]12, got"),
+        ("triangle", [0.0, float("nan"), 1.0], "at most 1e[+]12, got"),
+        ("triangle", [0.0, 1.0, 1e308], "at most 1e[+]12, got"),
     ],
 )
 def test_impossible_shapes_are_refused(kind: str, parameters: list[float], expected: str) -> None:

@@ -3,6 +3,7 @@
 import json
 import math
 import re
+import shutil
 import signal
 import socket
 import threading
@@ -320,6 +321,14 @@ def test_a_foreign_origin_and_unreadable_messages_are_refused(project: Path) -> 
             answer = json.loads(page.recv(timeout=5))
     assert answer["op"] == "refused"
     assert "inputs: missing" in answer["message"]
+    with serving(RulesServer(RulesFile(Path(shutil.copy(AVOID, project))))) as server:
+        (project / AVOID.name).unlink()
+        address, gone = server.url.replace("http", "ws", 1), "there is no such file"
+        with (
+            connect(address, subprotocols=[PAGE]) as page,
+            pytest.raises(ConnectionClosed, match=gone),
+        ):
+            page.recv(timeout=5)
     assert not (project / "behaviors").exists()
 
 
@@ -460,6 +469,7 @@ def test_in_a_browser_the_moment_follows_a_corner(
         marked = page.wait("document.querySelector('#under mark').textContent")
         assert marked.startswith("- IF bearin ")
         assert page.says("rules").count("IF ") == 10  # the last valid state
+        assert page.says("marks") == "not computed: the rules are refused"
         assert browser.evaluate("document.getElementById('save').disabled") is True
         page.write(before.replace("  - IF bearing IS left THEN turn IS left, speed IS slow\n", ""))
         page.wait("document.querySelectorAll('#inputs .bare').length")

@@ -3,6 +3,7 @@
 import json
 import shutil
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 from cli_calls import invoke, refusal
@@ -90,6 +91,17 @@ def test_what_cannot_be_asked_is_refused(moments: dict[float, DecisionMoment]) -
         why_not(moments[4.8], f"{given.v:.3f},{given.w:.3f}")
 
 
+def test_a_behaviour_that_fails_makes_no_proposal_as_in_the_drive(
+    moments: dict[float, DecisionMoment], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    moment = moments[4.8]
+    failing = Mock(side_effect=KeyError("door 7"))
+    monkeypatch.setattr(type(moment.behaviors["peek"]), "propose", failing)
+    again = DecisionMoment(moment.mofis, moment.context, moment.behaviors, moment.composite)
+    assert moment.decide()[1].keys() - again.decide()[1].keys() == {"peek"}
+    assert why_not(again, "stop").against
+
+
 def test_the_command_prints_text_or_one_object(folder: Path) -> None:
     printed = invoke("explain", folder, "--at", 4.8, "--why-not", "stop").stdout
     assert printed.startswith("at 4.")
@@ -97,7 +109,11 @@ def test_the_command_prints_text_or_one_object(folder: Path) -> None:
     data = json.loads(invoke("explain", folder, "--at", 4.8, "--why-not", "stop", "--json").stdout)
     assert set(data) >= {"commanded", "wanted", "ratings", "against", "changes", "pair"}
     assert "needs --at" in refusal("explain", folder, "--why-not", "stop")
-    assert "no command was in force" in refusal("explain", folder, "--at", 99, "--why-not", "left")
+    for time in (99, "inf", "nan"):
+        said = refusal("explain", folder, "--at", time, "--why-not", "left")
+        assert f"no command was in force at {time} s" in said
+    both = refusal("explain", folder, "--at", 4.8, "--why-not", "stop", "--json", "--inference")
+    assert "without --why-not" in both
 
 
 def test_the_least_amount_is_found_also_where_more_does_not_suffice() -> None:

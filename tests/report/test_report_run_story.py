@@ -36,6 +36,7 @@ class Drive:
 
     path: Path = Path("run.mcap")
     rows: list[dict[str, Any]] = field(default_factory=list)
+    complete: bool = True
 
     def go(self, seconds: float, v: float = 0.5, w: float = 0.0, **said: Any) -> "Drive":
         said = {"leader": "go_to_xy", "reason": "goal ahead", "held": "", "lost": False, **said}
@@ -96,6 +97,25 @@ def test_the_first_line_of_a_failure_says_why() -> None:
         "reached: stopped at 'lab'"
     )
     assert "because sensor failed" in headline({"outcome": "fault", "cause": "sensor_failed"})
+
+
+def test_the_first_line_names_plugins_that_failed() -> None:
+    result = {**RESULT, "objections": ["behavior own failed in 35 of 56 calls"]}
+    assert headline(result).endswith("time limit of 9 s; behavior own failed in 35 of 56 calls")
+
+
+def test_a_recording_that_is_cut_off_ends_nowhere() -> None:
+    drive = Drive().go(2.0)
+    drive.complete = False
+    texts = {line.kind: line.text for line in told(drive)}
+    assert texts["cut"] == "here the recording ends, before its run did"
+    assert texts["end"] == "timeout, time limit of 9 s"
+
+
+def test_a_part_tells_the_places_that_the_whole_tells() -> None:
+    drive = Drive().go(9.0)
+    (passed,) = [line for line in told(drive) if line.kind == "passed"]
+    assert passed in told(drive, passed.time - 0.5, passed.time + 0.5)
 
 
 def test_a_part_is_told_in_more_detail() -> None:
