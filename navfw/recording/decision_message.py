@@ -8,6 +8,7 @@ them takes 0.7 % of the loop. A state from which the whole stack could continue 
 from __future__ import annotations
 
 import json
+import struct
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
@@ -22,6 +23,7 @@ from navfw.signals.percepts import Label
 
 _TERMS = ("near", "middle", "far")
 """The degrees that a quadrant has."""
+_SIZE = struct.Struct("<I")
 T = TypeVar("T")
 
 
@@ -71,10 +73,23 @@ def decision_fields(context: Context, twist: Twist) -> dict[str, Any]:
     return {"values": json.dumps(values), "numbers": numbers, "labels": labels}
 
 
-def decision_of(message: Any, robot: RobotModel, commands: CommandGrid) -> tuple[Context, Twist]:
+def _parts(message: bytes) -> tuple[str, Array, Any]:
+    """Return ``values``, ``numbers`` and ``labels`` of a message in CDR, without its schema."""
+    body = memoryview(message)[4:]
+    (size,) = _SIZE.unpack_from(body)
+    text, place = bytes(body[4 : 3 + size]).decode(), -(-(4 + size) // 4) * 4
+    (count,) = _SIZE.unpack_from(body, place)
+    place = -(-(place + 4) // 8) * 8 if count else place + 4
+    numbers = np.frombuffer(body, np.float64, count, place)
+    place += 8 * count
+    (count,) = _SIZE.unpack_from(body, place)
+    return text, numbers, np.frombuffer(body, np.int8, count, place + 4)
+
+
+def decision_of(message: bytes, robot: RobotModel, commands: CommandGrid) -> tuple[Context, Twist]:
     """Return context and command in a ``message``; what it lacks raises AttributeError if read."""
-    values = json.loads(message.values)
-    numbers = np.asarray(message.numbers, dtype=np.float64)
+    text, numbers, labels = _parts(message)
+    values = json.loads(text)
     place = 0
 
     def take(*shape: int) -> Array:
@@ -101,7 +116,7 @@ def decision_of(message: Any, robot: RobotModel, commands: CommandGrid) -> tuple
         twist=Twist(*values["twist"]),
         pose=Pose(*values["pose"]),
         belief=_partly(Belief, time=values["time"], lost=lost, **belief),
-        percept=_percept(values["percept"], message.labels, take),
+        percept=_percept(values["percept"], labels, take),
         arcs=arcs,
         ranges=ranges,
         waypoint=_optional(Waypoint, values["waypoint"]),
@@ -118,7 +133,7 @@ def _percept(seen: Sequence[Any] | None, labels: Any, take: Callable[[int], Arra
     if seen is None:
         return None
     time, columns, quadrants, obstacles, floor_in_front = seen
-    label = np.asarray(labels, dtype=np.uint8).view(np.int8).reshape(-1, columns)
+    label = labels.reshape(-1, columns)
     shown = label == Label.OBSTACLE
     nearness, confidence = np.full((2, *label.shape), np.nan)
     for grid in (nearness, confidence):

@@ -30,11 +30,9 @@ from navfw.recording import channel_list as topics
 from navfw.recording.decision_message import decision_of
 from navfw.recording.decision_moment import DecisionMoment, copy_of
 from navfw.recording.explanations import explain_at
+from navfw.recording.recorded_mission import recorded_mission
 from navfw.recording.recorded_rules import recorded_rule_bases, rule_differences
-from navfw.recording.recorded_run import RecordedRun
-from navfw.recording.ros_messages import message_types
 from navfw.recording.run_folder import recording_in
-from navfw.recording.run_replay import recorded_mission, recorded_stack
 from navfw.stack.stackfile import load_stack, mofis_of
 
 _MEMORIES = 3.0, 30.0, 1e6
@@ -116,7 +114,7 @@ class RecordedDecisions:
         mofis.composite = None if composite is None else copy_of(composite)
 
 
-def _messages(file: Path, begin: float, end: float) -> Iterator[Any]:
+def _messages(file: Path, begin: float, end: float) -> Iterator[bytes]:
     """The decisions from ``begin`` to ``end`` [s], found by the index; none in a file without."""
     with extra_imports("record"):
         from mcap.exceptions import McapError
@@ -128,7 +126,7 @@ def _messages(file: Path, begin: float, end: float) -> Iterator[Any]:
             (topics.DECISION,), starting_at=begins, ending_before=ends
         )
         for _, _, message in messages:
-            yield message_types().deserialize_cdr(message.data, topics.DECISION_NAME)
+            yield message.data
 
 
 def moment_at(folder: Path, time: float) -> DecisionMoment:
@@ -161,6 +159,8 @@ def moment_at(folder: Path, time: float) -> DecisionMoment:
 
 def _otherwise(folder: Path, recorded: Mapping[str, Any], moment: DecisionMoment) -> InputError:
     """Make the error that a decision is another one now than the ``recorded`` one."""
+    from navfw.recording.recorded_run import RecordedRun
+
     command, proposals = moment.decide()
     v, w, twist = recorded["v"], recorded["w"], command.twist
     now = explain_command(command, proposals, moment.mofis)
@@ -176,6 +176,8 @@ def _otherwise(folder: Path, recorded: Mapping[str, Any], moment: DecisionMoment
 
 def _repeated(folder: Path, decided: float) -> DecisionMoment:
     """Repeat a recorded run up to the decision at ``decided`` [s]."""
+    from navfw.recording.run_replay import recorded_stack
+
     stack, recording, faults = recorded_stack(folder)
     for reading in recording.readings:
         faults.update(reading.time)

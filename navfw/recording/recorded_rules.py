@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,7 +15,9 @@ from navfw.fuzzy import Variable
 from navfw.mofis.mofis import Mofis
 from navfw.mofis.rules import BehaviorRules, RuledBehavior, RuledComposite
 from navfw.recording import channel_list as topics
-from navfw.recording.recorded_run import RecordedRun
+
+if TYPE_CHECKING:
+    from navfw.recording.recorded_run import RecordedRun
 
 _EDGE = 1e-9
 """Half the width of a vertical edge, as a share of the range."""

@@ -13,18 +13,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 
-from navfw.config.yamlfile import rewording
 from navfw.errors import ConfigError
 from navfw.features.landmark_appearance import check_landmark_kind
 from navfw.numerics import Array, Image
 from navfw.plugins.fault_injection import inject_faults
 from navfw.recording import channel_list as topics
+from navfw.recording.recorded_mission import recorded_mission
 from navfw.recording.recorded_run import RecordedRun, image_of, located_damage
 from navfw.recording.run_folder import RESULT, read_result, recording_in
 from navfw.recording.run_observers import hash_commands
-from navfw.robot import CameraModel, RobotModel
+from navfw.robot import CameraModel
 from navfw.signals import Encoders, Frame, Inertial, Pose, SensorReading, Twist, Waypoint
 
 if TYPE_CHECKING:
@@ -126,29 +125,6 @@ class ReplayResult:
         return self.command_hash == self.recorded_hash
 
 
-class _Recorded(BaseModel):
-    """A part of a result that a replay uses; other keys are not looked at."""
-
-    model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
-
-
-class _RecordedGoal(_Recorded):
-    place: str
-    x: float
-    y: float
-
-
-class RecordedMission(_Recorded):
-    """The mission in a result, as far as it is used."""
-
-    start: tuple[float, float, float]
-    start_known: bool = True
-    shadow: bool = False
-    goals: tuple[_RecordedGoal, ...]
-    tolerance: float
-    robot: RobotModel
-
-
 def replay(folder: str | Path) -> ReplayResult:
     """Run the stack on the sensor readings in a run folder.
 
@@ -215,19 +191,6 @@ def recorded_stack(
     goals = [Waypoint.goal(goal.x, goal.y, tolerance, goal.place) for goal in mission.goals]
     stack.start(Pose(*mission.start) if mission.start_known else None, goals)
     return stack, recording, faults
-
-
-def recorded_mission(folder: Path) -> RecordedMission:
-    """Return the mission of a recorded run.
-
-    Raises:
-        InputError: the folder is not that of a run, or is damaged.
-
-    """
-    config = read_result(folder).get("config")
-    with rewording(prefix="config.mission.", file=folder / RESULT):
-        data = config.get("mission") if isinstance(config, dict) else None
-        return RecordedMission.model_validate(data)
 
 
 def _check_images(recording: SensorRecording, camera: CameraModel, file: Path) -> None:

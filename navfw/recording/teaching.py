@@ -25,8 +25,9 @@ from navfw.mapping.joining import JoinedMap, free_names, join_all, key_at
 from navfw.plugins import default_registry
 from navfw.process.work_progress import ProgressCallback, silent
 from navfw.recording.floor_readings import with_floor_motion
+from navfw.recording.recorded_mission import RecordedMission
 from navfw.recording.run_folder import RESULT, read_result, recording_in
-from navfw.recording.run_replay import RecordedMission, load_recording
+from navfw.recording.run_replay import load_recording
 from navfw.robot import RobotModel
 from navfw.signals import Pose, SensorReading
 from navfw.stack import MappingStack
