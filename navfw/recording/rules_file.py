@@ -45,23 +45,24 @@ class RulesFile:
     def save(self, text: str, read: str) -> str:
         """Write ``text`` into the user's project, if the file still contains what was ``read``.
 
-        What ships with navfw, or is in no project, is copied into the ``behaviors`` of the project,
-        where it is used in its place. Returns what was done.
+        What a plugin reads that ships with navfw, or is in no project, is copied into the project's
+        ``behaviors``, where it is used in its place. Returns what was done.
 
         Raises:
             ChangedFileError: the file contains something else.
-            InputError: there is no project, or the file cannot be written.
+            InputError: there is no project, or no plugin for a copy; the file cannot be written.
 
         """
         file, project = real_path(self.path), own_project()
         installed = {real_path(place) for place in (sys.prefix, shipped_folder())}
         if own_project(file.parent) is not None and installed.isdisjoint(file.parents):
             target = self.path
-        elif project is not None:
+        elif project is not None and self.plugin is not None:
             target = project / "behaviors" / self.path.name
         else:
-            what = "is not the user's own, and there is no project here: navfw new project DIR"
-            raise InputError(f"{what}, then navfw rules in DIR", file=shown_path(self.path))
+            why = "there is no project here: navfw new project DIR, then navfw rules in DIR"
+            why = why if project is None else "no behaviour would read a copy in this project"
+            raise InputError(f"is not the user's own, and {why}", file=shown_path(self.path))
         source = target if is_file(target) else self.path
         with atomic_file(target, parents=True) as part:
             now = RulesFile(source).read()

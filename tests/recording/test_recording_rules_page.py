@@ -9,6 +9,7 @@ import socket
 import threading
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -187,7 +188,7 @@ def test_what_ships_is_copied_into_the_project_and_used_there(
     file = find_rules("avoid")
     assert file.path == AVOID
     changed = before.replace("0.9, 1.3]", "0.8, 1.3]")
-    other = RulesFile(AVOID)
+    other = find_rules("avoid")
     assert "a copy for this project" in file.save(changed, before)
     with pytest.raises(ChangedFileError):
         other.save(before.replace("0.6, 1.2]", "0.5, 1.2]"), before)
@@ -214,6 +215,13 @@ def test_without_a_project_nothing_is_saved(workdir: Path) -> None:
         with pytest.raises(InputError, match="there is no project here: navfw new project DIR"):
             file.save("x", file.read())
     assert loose.read_text() == AVOID.read_text()
+
+
+def test_a_copy_that_nothing_would_read_is_not_made(project: Path) -> None:
+    file = find_rules(str(files("navfw") / "offis" / "rules" / "situation.yaml"))
+    with pytest.raises(InputError, match="no behaviour would read a copy"):
+        file.save(file.read() + "\n", file.read())
+    assert not (project / "behaviors").exists()
 
 
 def test_rules_that_there_are_not_are_refused(workdir: Path) -> None:
@@ -248,7 +256,7 @@ def test_the_recorded_rules_give_the_recorded_commands_and_others_differ(folder:
 
 def test_rules_that_are_others_than_the_recorded_are_listed(folder: Path, project: Path) -> None:
     before = GO_TO.read_text()
-    RulesFile(GO_TO).save(before.replace("[-20, 0, 20]", "[-20, 8, 20]"), before)
+    find_rules("go_to_xy").save(before.replace("[-20, 0, 20]", "[-20, 8, 20]"), before)
     run = RulesRun(folder, BehaviorRules(project / "behaviors" / "go_to_xy.yaml"))
     lines = [
         f"go_to_xy: {sign}      ahead: {{triangle: [-20, {x}, 20]}}" for sign, x in ("-0", "+8")
@@ -275,7 +283,7 @@ def test_a_file_that_the_stack_does_not_read_is_not_driven(folder: Path, project
     run.check_drivable(AVOID)
     with pytest.raises(InputError, match="is not what avoid reads"):
         run.check_drivable(other)
-    RulesFile(AVOID).save(AVOID.read_text() + "\n", AVOID.read_text())
+    find_rules("avoid").save(AVOID.read_text() + "\n", AVOID.read_text())
     run.check_drivable(copy)
     with pytest.raises(InputError, match=r"mine.yaml: is not .* reads: behaviors/avoid.yaml; edit"):
         run.check_drivable(other)
