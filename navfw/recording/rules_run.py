@@ -22,6 +22,7 @@ from navfw.recording.recorded_rules import recorded_rule_bases, rule_differences
 from navfw.recording.recorded_run import RecordedRun
 from navfw.recording.ros_messages import message_types
 from navfw.recording.run_folder import read_result, recording_in
+from navfw.signals import Proposal
 
 _OTHER = np.array([0.01, 0.02])
 """Differences of v [m/s] and w [rad/s] from which a command is another one."""
@@ -100,7 +101,9 @@ class RulesRun:
         moment = self._recorded[1] if rules is None else self._with(rules)
         command, proposals = moment.decide()
         inputs = moment.inputs(moment.mofis.commands.nearest(command.twist))
-        rated = [proposals[name] for name in moment.mofis.behaviors]
+        none = moment.mofis.commands.zeros()
+        failed = Proposal(applicability=0.0, desirability=none, prohibition=none, reason="failed")
+        rated = [proposals.get(name, failed) for name in moment.mofis.behaviors]
         said = {
             "v": command.twist.v,
             "w": command.twist.w,

@@ -1,5 +1,6 @@
 """The page for rules: it says what the rules say, and saves, drives and tests what was edited."""
 
+import base64
 import json
 import math
 import re
@@ -12,6 +13,7 @@ from contextlib import closing, contextmanager
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -263,6 +265,20 @@ def test_rules_that_are_others_than_the_recorded_are_listed(folder: Path, projec
     ]
     assert run.about()["others"] == lines
     assert run.differences([*run.replaced(BehaviorRules(GO_TO))])["where"] == []
+
+
+def test_a_behaviour_that_fails_is_drawn_without_desires(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = RulesRun(folder, BehaviorRules(GO_TO))
+    about, behaviors = run.about(), run._decisions.mofis.behaviors
+    failing = Mock(side_effect=KeyError("door 7"))
+    monkeypatch.setattr(type(behaviors["peek"]), "propose", failing)
+    decided, _ = run.moment(about["times"][5], None, -1)
+    layers = np.frombuffer(base64.b64decode(decided["desirability"]), np.uint8)
+    layers = layers.reshape(len(about["grid"]["names"]), -1)
+    assert not layers[[*behaviors].index("peek")].any()
+    assert layers[[*behaviors].index("go_to_xy")].any()
 
 
 def test_a_moment_outside_and_rules_of_no_run_are_refused(folder: Path) -> None:
