@@ -32,6 +32,9 @@ Predicate = Callable[[Twist], bool]
 _STEPS = (1 / 64, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0)
 """Changes that are tried, as shares of an input's range."""
 
+_CORNER_STEPS = (1 / 32, 1 / 8, 1 / 4)
+"""Those of break points, which are many, and mean something else when moved further."""
+
 _FACTORS = (
     (1 / 1.1, 1 / 1.25, 1 / 1.5, 1 / 2, 1 / 4, 1 / 8, 0.0),
     (1.1, 1.25, 1.5, 2.0, 4.0, 8.0, 16.0),
@@ -95,7 +98,7 @@ class _Candidate:
     def amounts(self) -> tuple[tuple[float, ...], ...]:
         """Amounts to try in either direction, from small to large."""
         if self.scale:
-            steps = _STEPS if self.begin.corner is None else _STEPS[1::2]  # there are many
+            steps = _STEPS if self.begin.corner is None else _CORNER_STEPS
             return tuple(tuple(sign * one * self.scale for one in steps) for sign in (1.0, -1.0))
         weaker, stronger = _FACTORS
         if self.begin.rule is None:

@@ -72,7 +72,8 @@ class WhatIf:
     of the ticks with other commands. ``reasons`` are the rules and weights that changed the most at
     these decisions, with their share of them, the most frequent first. From ``apart`` [s] on both
     paths are farther apart than the robot's ``radius`` [m]: from then on the images are not those
-    that it would have seen. ``twists`` (n, 2) are all its commands, at ``times`` (n,) [s].
+    that it would have seen. ``complete`` is False if the recording ends before its run did.
+    ``twists`` (n, 2) are all its commands, at ``times`` (n,) [s].
     """
 
     first: float | None
@@ -84,6 +85,7 @@ class WhatIf:
     reasons: tuple[tuple[str, float], ...]
     vetoes_new: tuple[OtherVeto, ...]
     vetoes_gone: tuple[OtherVeto, ...]
+    complete: bool
     times: Array = field(repr=False, compare=False)
     twists: Array = field(repr=False, compare=False)
 
@@ -132,14 +134,13 @@ def what_if(
                 reasons[reading.time] = changes[0]
     times = recording.times
     differ: Mask = np.asarray((np.abs(twists - recording.commands) >= _OTHER).any(axis=1))
-    radius = changed.robot.radius
     held_before = _held_at(times, recorded)
     return WhatIf(
         first=float(times[differ.argmax()]) if differ.any() else None,
         share=float(differ.mean()) if len(differ) else 0.0,
         duration=float(times[-1]) if len(times) else 0.0,
-        apart=_apart(times, recording.commands, twists, radius),
-        radius=radius,
+        apart=_apart(times, recording.commands, twists, changed.robot.radius),
+        radius=changed.robot.radius,
         differences=tuple(
             _difference(times, recording.commands, twists, span, reasons)
             for span in spans(times, differ, _PAUSE)
@@ -150,6 +151,7 @@ def what_if(
         ),
         vetoes_new=tuple(_vetoes(times, held, held_before)),
         vetoes_gone=tuple(_vetoes(times, held_before, held)),
+        complete=recording.complete,
         times=times,
         twists=twists,
     )
@@ -223,8 +225,9 @@ def _apart(times: Array, recorded: Array, changed: Array, radius: float) -> floa
 
 def what_if_lines(result: WhatIf) -> list[str]:
     """Format ``result`` as lines of text."""
+    cut = [] if result.complete else ["the recording ends before its run did"]
     if result.first is None:
-        return [f"the same commands in all {result.duration:.1f} s"]
+        return [f"the same commands in all {result.duration:.1f} s", *cut]
     share = f"{100.0 * result.share:.0f} % of {result.duration:.1f} s"
     lines = [f"first other command at {result.first:.1f} s, other commands in {share}"]
     lines += [
@@ -244,6 +247,10 @@ def what_if_lines(result: WhatIf) -> list[str]:
         ]
     near = f"{result.radius:.2f} m"
     if result.apart is None:
-        return [*lines, f"the paths stay within {near}: it would have seen about these images"]
+        return [
+            *lines,
+            *cut,
+            f"the paths stay within {near}: it would have seen much the same",
+        ]
     when = f"from {result.apart:.1f} s on the paths would be more than {near} apart"
-    return [*lines, f"{when}: the images are those of the recorded path, not of its own"]
+    return [*lines, *cut, f"{when}: the images are those of the recorded path, not of its own"]

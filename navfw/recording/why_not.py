@@ -79,7 +79,8 @@ def why_not(moment: DecisionMoment, wanted: str) -> WhyNot:
         if turned(Twist(v, w))
     ]
     if not cells:
-        raise InputError("no command of the robot's is like that", key="--why-not")
+        limit = "the robot has no command like that: this was the most that it can do"
+        raise InputError(limit, key="--why-not")
     cell = max(cells, key=lambda one: (support[one], -_away(grid, one, command.twist)))
     given_cell = grid.nearest(command.twist)
     best = max(float(support.max()), 1e-9)

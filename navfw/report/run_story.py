@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import fmean
 from typing import Any
 
 import numpy as np
@@ -140,6 +141,11 @@ def read_story(
     told += episodes[: max(0, lines - len(told))]
     passed = [line for line in _passed(everything, places) if begin <= line.time <= end]
     told += passed[:: math.ceil(len(passed) / max(1, lines - len(told)))] if passed else []
+    if decisions and not any(line.kind != "end" for line in told):
+        leader = Counter(one.said["leader"] for one in decisions).most_common(1)[0][0]
+        speed = fmean(one.speed for one in decisions)
+        text = f"drove on at {speed:.2f} m/s, led by {leader}"
+        told.append(StoryLine(decisions[0].time, decisions[-1].time, "drove", text))
     return sorted(told[:lines], key=lambda line: (line.time, line.kind == "end"))
 
 

@@ -38,7 +38,7 @@ CHANCES = {
     "clock": "return time.perf_counter() % 1.0",
     "address": "return id(self) // 16 % 997 / 997",
     "hash": "return hash('word') % 997 / 997",
-    "order_of_a_set": "return int(next(iter(NAMES))[5:]) / 40",
+    "order_of_a_set": "return sum(i * int(n[5:]) for i, n in enumerate(NAMES)) % 997 / 997",
     "process": "return os.getpid() % 997 / 997",
     "kept_over_reset": "self.state += 0.001; return min(self.state, 1.0)",
     "kept_by_the_module": "return next(COUNT) % 997 / 997",

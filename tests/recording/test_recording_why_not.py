@@ -36,7 +36,7 @@ def answers(moment: DecisionMoment) -> list[tuple[str, WhyNot]]:
         try:
             found.append((wanted, why_not(moment, wanted)))
         except InputError as error:
-            assert "was that" in str(error) or "no command of the robot's" in str(error)
+            assert "was that" in str(error) or "has no command like that" in str(error)
     return found
 
 

@@ -126,6 +126,11 @@ def test_a_part_is_told_in_more_detail() -> None:
     assert all(2.0 <= line.time <= 5.0 for line in part)
 
 
+def test_a_quiet_part_is_one_line() -> None:
+    (line,) = told(Drive().go(9.0), 6.0, 6.5)
+    assert line.text == "drove on at 0.50 m/s, led by go_to_xy"
+
+
 STEPS = st.tuples(
     st.floats(0.1, 3.0),
     st.sampled_from([-0.1, 0.0, 0.1, 0.5]),

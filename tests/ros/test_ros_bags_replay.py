@@ -130,9 +130,12 @@ def test_messages_in_json_are_of_their_schema(driven: Path) -> None:
     run = open_run(driven)
     schemas = json.loads((Path(topics.__file__).parent / "json_schemas.json").read_text())
     checked = set()
-    for each in run.messages(topics.PERCEPT, topics.COMMAND, topics.RULES):
-        schema = schemas[run.topics[each.topic]]
-        assert set(each.content) <= set(schema["properties"])
+    for each in run.messages(topics.PERCEPT, topics.COMMAND, topics.RULES, topics.RULE_BASES):
+        schema, contents = schemas[run.topics[each.topic]], [each.content]
+        if each.topic == topics.RULE_BASES:  # of each behaviour
+            schema, contents = schema["additionalProperties"], list(each.content.values())
+        assert contents
+        assert all(set(content) <= set(schema["properties"]) for content in contents)
         checked.add(run.topics[each.topic])
     assert checked == set(schemas)
 
