@@ -9,14 +9,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 LIMITS = {
-    "navfw/, lines of Python": 74092,
+    "navfw/, lines of Python": 75845,
     "navfw/, lines of stubs": 266,
-    "navfw/, lines of scripts, pages, styles and templates": 1774,
+    "navfw/, lines of scripts, pages, styles and templates": 2425,
     "behaviors/, lines of Python": 1582,
     "examples/, lines of Python": 947,
-    "benchmarks/, lines of Python, pages and stubs": 7310,
-    "tests/, lines of Python": 48376,
-    "docs/, words": 44984,
+    "benchmarks/, lines of Python, pages and stubs": 7483,
+    "tests/, lines of Python": 49207,
+    "docs/, words": 44985,
     "README.md, words": 900,
     "pyproject.toml, lines": 304,
 }
