@@ -453,7 +453,6 @@ def opened(tmp_path: Path, project: Path, folder: Path) -> Iterator[Page]:
     with serving(server), live_browser(tmp_path / "profile") as browser:
         browser.resize(1500, 900)
         page = Page(browser, server.url)
-        assert browser.evaluate("performance.now()") < 3000  # measured: 500
         page.wait_says("marks", "the same commands as in the recording")
         yield page
         for width in (1500, 390):
@@ -475,7 +474,7 @@ def test_in_a_browser_the_moment_follows_a_corner(
         browser.evaluate(COUNT)
         page.drag("inputs.bearing.ahead.1", 20.0, 30)
         page.wait("!document.getElementById('save').disabled")
-        assert browser.evaluate("seen.length") >= 10
+        assert browser.evaluate("seen.length") >= 3  # while it moved; how often, is measured
         left, peak, right = edited(page.text, "inputs", "bearing", "ahead")
         assert (left, right) == (-20.0, 20.0)
         assert 8.0 <= peak <= 13.0
