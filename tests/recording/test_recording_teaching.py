@@ -149,7 +149,7 @@ def test_parts_of_a_drive_that_do_not_overlap_give_maps_of_their_own(
     assert np.array_equal(plan.cells, alone.cells)  # what came after is not in it
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_two_drives_through_the_same_rooms_become_one_map(tmp_path: Path) -> None:
     folders = [
         recorded(tmp_path / f"run{seed}", "office", "kitchen-tour", seed=seed) for seed in (0, 1)

@@ -33,7 +33,7 @@ def driven(folder: Path, world: str, keys: str, seeds: str) -> tuple[dict[str, A
     return json.loads((out / "summary.json").read_text()), load_map(made)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_small_room_is_taught_once_and_driven_on_both_maps(tmp_path: Path) -> None:
     summary, made = driven(tmp_path, "paper-room", "seeds: 30", "0:2")
     assert summary["success"] == 1.0

@@ -149,6 +149,7 @@ def test_a_suite_writes_the_table_of_variants(tmp_path: Path) -> None:
     assert (out.path / "table.md").read_text() == brief_table(summary).markdown()
 
 
+@pytest.mark.slow
 def test_all_variants_of_the_shipped_ablations_are_valid() -> None:
     pytest.importorskip("navground", reason="the extra navground is not installed")
     suite = load_suite("ablations")
