@@ -42,7 +42,7 @@ class InputInterval:
     terms: tuple[str, ...]
 
     def __str__(self) -> str:
-        unit = "" if self.variable.unit == "1" else f" {self.variable.unit}"
+        unit = f" {self.variable.unit_text}" if self.variable.unit_text else ""
         if self.low == self.high:
             where = f"is exactly {self.low:g}{unit}"
         else:

@@ -316,6 +316,11 @@ class Variable:
     default: float | None = None
     line: int | None = None
 
+    @property
+    def unit_text(self) -> str:
+        """The unit as it is printed: empty for a mere number."""
+        return "" if self.unit == "1" else self.unit
+
     @cached_property
     def universe(self) -> Array:
         """Samples (M,) of the range, increasing; terms are linear between them."""

@@ -73,20 +73,20 @@ class RecordedDecisions:
         self.times, self.commands = table[:, 0], table[:, 1:]
         self.mofis.reset()
         self._next = 0
-        self._states = {0: self._state()}
+        self._states = {0: _copies(self.mofis)}
 
     def moment(self, index: int) -> DecisionMoment:
         """Return the decision at ``times[index]``, to be made again."""
         start = max(kept for kept in self._states if kept <= index)
         if not start <= self._next <= index:
             self._next = start
-            self._set(self.mofis, self._states[start])
+            self._begin_at(self.mofis, start)
         while self._next < index:
             self.mofis.decide_in(self.contexts[self._next])
             self._next += 1
             if self._next % _KEPT == 0:
-                self._states.setdefault(self._next, self._state())
-        return DecisionMoment(self.mofis, self.contexts[index], *self._state())
+                self._states.setdefault(self._next, _copies(self.mofis))
+        return DecisionMoment(self.mofis, self.contexts[index], *_copies(self.mofis))
 
     def replaced(self, rules: BehaviorRules) -> Iterator[tuple[float, float]]:
         """Give v [m/s] and w [rad/s] of each decision with ``rules`` for those of their name.
@@ -96,22 +96,22 @@ class RecordedDecisions:
 
         """
         mofis = copy.copy(self.mofis)
-        self._set(mofis, self._states[0])
+        self._begin_at(mofis, 0)
         replace_rules((*mofis.behaviors.values(), mofis.composite), rules)
         for context in self.contexts:
             command = mofis.decide_in(context)
             yield (0.0, 0.0) if command is None else (command.twist.v, command.twist.w)
 
-    def _state(self) -> tuple[dict[str, Behavior], Composite | None]:
-        behaviors = {name: copy_of(behavior) for name, behavior in self.mofis.behaviors.items()}
-        composite = self.mofis.composite
-        return behaviors, None if composite is None else copy_of(composite)
+    def _begin_at(self, mofis: Mofis, kept: int) -> None:
+        """Give ``mofis`` its plugins as they were before the decision number ``kept``."""
+        mofis.behaviors, mofis.composite = self._states[kept]
+        mofis.behaviors, mofis.composite = _copies(mofis)
 
-    @staticmethod
-    def _set(mofis: Mofis, state: tuple[dict[str, Behavior], Composite | None]) -> None:
-        behaviors, composite = state
-        mofis.behaviors = {name: copy_of(behavior) for name, behavior in behaviors.items()}
-        mofis.composite = None if composite is None else copy_of(composite)
+
+def _copies(mofis: Mofis) -> tuple[dict[str, Behavior], Composite | None]:
+    """Copies of the behaviours and the composite, with the state that they have now."""
+    behaviors = {name: copy_of(behavior) for name, behavior in mofis.behaviors.items()}
+    return behaviors, None if mofis.composite is None else copy_of(mofis.composite)
 
 
 def _messages(file: Path, begin: float, end: float) -> Iterator[bytes]:
@@ -184,8 +184,7 @@ def _repeated(folder: Path, decided: float) -> DecisionMoment:
         last = reading.time >= decided - 1e-6
         if last:
             mofis = stack.mofis
-            behaviors = {name: copy_of(plugin) for name, plugin in mofis.behaviors.items()}
-            composite = None if mofis.composite is None else copy_of(mofis.composite)
+            behaviors, composite = _copies(mofis)
         stack.step(reading)
         if last and mofis.context is not None:
             return DecisionMoment(mofis, mofis.context, behaviors, composite)

@@ -84,5 +84,5 @@ def _curves(variable: Variable) -> dict[str, Any]:
         edges = [x + side * _EDGE * (high - low) for x, _ in shape.jumps for side in (-1.0, 1.0)]
         points = np.unique(np.clip([low, high, *shape.corners, *shape.knots, *edges], low, high))
         terms[name] = np.column_stack([points, shape(points)]).tolist()
-    unit = "" if variable.unit == "1" else variable.unit
+    unit = variable.unit_text
     return {"name": variable.name, "unit": unit, "low": low, "high": high, "terms": terms}

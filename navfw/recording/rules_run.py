@@ -22,12 +22,9 @@ from navfw.recording.recorded_rules import recorded_rule_bases, rule_differences
 from navfw.recording.recorded_run import RecordedRun
 from navfw.recording.ros_messages import message_types
 from navfw.recording.run_folder import read_result, recording_in
+from navfw.recording.what_if import PAUSE, others
 from navfw.signals import Proposal
 
-_OTHER = np.array([0.01, 0.02])
-"""Differences of v [m/s] and w [rad/s] from which a command is another one."""
-_PAUSE = 0.5
-"""Time [s] between two differences up to which they are one."""
 _MAX_AGE = 1.0
 """Largest age of the camera picture of a moment [s]."""
 
@@ -125,8 +122,7 @@ class RulesRun:
     def differences(self, commands: Sequence[tuple[float, float]]) -> dict[str, Any]:
         """The ``commands`` of all decisions, and from when to when [s] others were recorded."""
         table, times = np.array(commands), self._times
-        differ = np.asarray((np.abs(table - self._decisions.commands) >= _OTHER).any(axis=1))
-        where = spans(self._decisions.times, differ, _PAUSE)
+        where = spans(self._decisions.times, others(table, self._decisions.commands), PAUSE)
         return _columns(table) | {"where": [(times[begin], times[end]) for begin, end in where]}
 
     def check_drivable(self, file: Path) -> None:

@@ -102,7 +102,7 @@ def _variable(
         xs = np.union1d(np.linspace(low, high, _POINTS), shape.corners)
         drawn = {"name": term, "kind": numbers[0][-2], "numbers": [places[p] for p in numbers]}
         terms.append(drawn | {"degree": degree, **_curve(xs, shape(xs))})
-    about = {"name": one.name, "unit": "" if one.unit == "1" else one.unit, "terms": terms}
+    about = {"name": one.name, "unit": one.unit_text, "terms": terms}
     return about | {"low": one.low, "high": one.high, "axis": [low, high]}
 
 

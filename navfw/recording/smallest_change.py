@@ -16,7 +16,6 @@ from itertools import combinations
 
 from navfw.context import Context
 from navfw.errors import RuleBaseError
-from navfw.fuzzy import Variable
 from navfw.fuzzy.coverage import check_coverage
 from navfw.fuzzy.membership import Trapezoid
 from navfw.mofis.explanation_text import asks_for_nothing
@@ -127,7 +126,7 @@ def smallest_changes(
     """
     rated = moment.decide()[1]
     inputs = [
-        _Candidate(one.name, value, one.high - one.low, Shift(owner, 0.0, one.name), unit_of(one))
+        _Candidate(one.name, value, one.high - one.low, Shift(owner, 0.0, one.name), one.unit_text)
         for owner, one, value in moment.inputs(cells[0])
     ]
     weights = [
@@ -143,17 +142,13 @@ def smallest_changes(
             tried = [one for one in amounts if candidate.change(one).size < limit]
             nothing = 1.0 if candidate.begin.multiplies else 0.0
             amount = _least(partial(_turns, moment, turned, candidate.begin), tried, nothing)
-            if amount is not None and _covered(moment, candidate.change(amount).shift):
-                smallest = candidate.change(amount)
+            change = None if amount is None else candidate.change(amount)
+            if change is not None and _covered(moment, change.shift):
+                smallest = change
         if smallest is not None:
             changes.append(smallest)
     largest = [one.change(part[-1]) for one in inputs for part in one.amounts()]
     return sorted(changes, key=_size), largest
-
-
-def unit_of(variable: Variable) -> str:
-    """Return the unit of an input; empty for a mere number."""
-    return "" if variable.unit == "1" else variable.unit
 
 
 def _size(change: Change) -> float:
@@ -196,7 +191,7 @@ def _of_rules(
                 name = f"weight of {rule.sentence}"
                 yield _Candidate(name, rule.weight, 0.0, Shift(owner, 1.0, rule=number))
         for name, variable in rules.base.inputs.items():
-            scale, unit = variable.high - variable.low, unit_of(variable)
+            scale, unit = variable.high - variable.low, variable.unit_text
             for term, shape in variable.terms.items():
                 if not isinstance(shape, Trapezoid):
                     continue

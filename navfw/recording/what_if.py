@@ -27,7 +27,7 @@ from navfw.recording.run_replay import recorded_stack
 from navfw.signals import Pose, Twist
 from navfw.stack.shadow_stack import was_driven
 
-_PAUSE = 0.5
+PAUSE = 0.5
 """Time [s] between two differences up to which they are one."""
 
 _OTHER = np.array([0.01, 0.02])
@@ -124,7 +124,7 @@ def what_if(
         twist = changed.step(reading)
         twists[index] = twist.v, twist.w
         held.append(changed.state.veto)
-        differs = (np.abs(twists[index] - recording.commands[index]) >= _OTHER).any()
+        differs = bool(others(twists[index], recording.commands[index]))
         if differs:
             was_driven(changed, Twist(*recording.commands[index].tolist()))
         if differs and reading.frame is not None:
@@ -133,7 +133,7 @@ def what_if(
             if changes:
                 reasons[reading.time] = changes[0]
     times = recording.times
-    differ: Mask = np.asarray((np.abs(twists - recording.commands) >= _OTHER).any(axis=1))
+    differ = others(twists, recording.commands)
     held_before = _held_at(times, recorded)
     return WhatIf(
         first=float(times[differ.argmax()]) if differ.any() else None,
@@ -143,7 +143,7 @@ def what_if(
         radius=changed.robot.radius,
         differences=tuple(
             _difference(times, recording.commands, twists, span, reasons)
-            for span in spans(times, differ, _PAUSE)
+            for span in spans(times, differ, PAUSE)
         ),
         reasons=tuple(
             (text, count / len(reasons))
@@ -155,6 +155,11 @@ def what_if(
         times=times,
         twists=twists,
     )
+
+
+def others(commands: Array, recorded: Array) -> Mask:
+    """Return which ``commands`` (..., 2), v [m/s] and w [rad/s], are others than those recorded."""
+    return np.asarray((np.abs(commands - recorded) >= _OTHER).any(axis=-1))
 
 
 # --- comparing -----------------------------------------------------------------------------------
@@ -203,7 +208,7 @@ def _difference(
 def _vetoes(times: Array, held: Sequence[str], other: Sequence[str]) -> Iterator[OtherVeto]:
     """Where one robot is ``held``, and the ``other`` at no time of that."""
     flags = np.array([bool(reason) for reason in held], dtype=np.bool_)
-    for first, last in spans(times, flags, _PAUSE):
+    for first, last in spans(times, flags, PAUSE):
         if not any(other[first : last + 1]):
             yield OtherVeto(float(times[first]), float(times[last]), held[first])
 

@@ -4,15 +4,20 @@ import itertools
 import json
 import shutil
 import subprocess
+import threading
 import time
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import pytest
 from websockets.sync.client import ClientConnection, connect
+
+from navfw.recording.page_server import PageServer
+
+ServerT = TypeVar("ServerT", bound=PageServer)
 
 
 class LiveBrowser:
@@ -100,3 +105,22 @@ def live_browser(profile: Path) -> Iterator[LiveBrowser]:
                 yield LiveBrowser(connection)
         finally:
             process.terminate()
+
+
+@contextmanager
+def serving(server: ServerT, end: Callable[[ServerT], None]) -> Iterator[ServerT]:
+    """The server at work in a thread, then ended by ``end``."""
+    over = threading.Event()
+
+    def work() -> None:
+        while not over.is_set():
+            server.serve(0.01)
+
+    worker = threading.Thread(target=work)
+    worker.start()
+    try:
+        yield server
+    finally:
+        over.set()
+        worker.join()
+        end(server)

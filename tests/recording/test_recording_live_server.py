@@ -7,8 +7,7 @@ import struct
 import threading
 import time
 from collections import defaultdict
-from collections.abc import Iterator
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing, suppress
 from dataclasses import replace
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
@@ -18,7 +17,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 from cli_calls import invoke, refusal
-from live_browser import live_browser
+from live_browser import live_browser, serving
 from report_browser import CONTRAST
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
@@ -54,25 +53,6 @@ def port_of(server: LiveServer) -> int:
 
 def page_of(shown: Session) -> str:
     return live_page("a run", shown.seen, [(goal.x, goal.y) for goal in shown.mission.goals])
-
-
-@contextmanager
-def serving(server: LiveServer) -> Iterator[LiveServer]:
-    """The server at work in a thread, and ended."""
-    over = threading.Event()
-
-    def work() -> None:
-        while not over.is_set():
-            server.serve(0.01)
-
-    worker = threading.Thread(target=work)
-    worker.start()
-    try:
-        yield server
-    finally:
-        over.set()
-        worker.join()
-        server.end()
 
 
 @pytest.fixture(scope="module")
@@ -177,7 +157,9 @@ def request(server: LiveServer, *, token: str = "", lines: str = "") -> bytes:
 
 def test_only_this_machine_its_page_and_who_has_the_token_are_answered(idle: Session) -> None:
     origins = ("https://app.foxglove.dev",)
-    with serving(LiveServer(idle.seen, 0, page="<p>secret", origins=origins)) as server:
+    with serving(
+        LiveServer(idle.seen, 0, page="<p>secret", origins=origins), LiveServer.end
+    ) as server:
         port = port_of(server)
         own = f"Host: 127.0.0.1:{port}"
         answered = {
@@ -215,7 +197,7 @@ def test_the_page_alone_may_pause_and_nothing_else_is_taken(idle: Session) -> No
             pass
         return dict(message)
 
-    with serving(LiveServer(idle.seen, 0, speed=2.0)) as server:
+    with serving(LiveServer(idle.seen, 0, speed=2.0), LiveServer.end) as server:
         with connect(address(server), subprotocols=[PAGE]) as page:
             assert state(page) == {"op": "navfw", "paused": False, "speed": 2.0, "ended": ""}
             page.send(json.dumps({"op": "navfw", "paused": True, "speed": 0.5}))

@@ -18,7 +18,7 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 from cli_calls import invoke, refusal
-from live_browser import LiveBrowser, live_browser
+from live_browser import LiveBrowser, live_browser, serving
 from report_browser import CONTRAST
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
@@ -51,25 +51,6 @@ def project(workdir: Path) -> Path:
     """A project without files, in the working folder."""
     (workdir / "navfw.toml").touch()
     return workdir
-
-
-@contextmanager
-def serving(server: RulesServer) -> Iterator[RulesServer]:
-    """The server at work in a thread, and ended."""
-    over = threading.Event()
-
-    def work() -> None:
-        while not over.is_set():
-            server.serve()
-        server.close()
-
-    worker = threading.Thread(target=work)
-    worker.start()
-    try:
-        yield server
-    finally:
-        over.set()
-        worker.join()
 
 
 # --- what is drawn --------------------------------------------------------------------------------
@@ -320,7 +301,7 @@ def test_a_run_is_driven_again_by_the_words_that_drove_it(folder: Path) -> None:
 
 
 def test_a_foreign_origin_and_unreadable_messages_are_refused(project: Path) -> None:
-    with serving(RulesServer(RulesFile(AVOID))) as server:
+    with serving(RulesServer(RulesFile(AVOID)), RulesServer.close) as server:
         address = server.url.replace("http", "ws", 1)
         for url, origin in ((address, Origin("https://evil.example")), (address[:-3], None)):
             with pytest.raises(InvalidStatus, match="403"):
@@ -345,7 +326,9 @@ def test_a_foreign_origin_and_unreadable_messages_are_refused(project: Path) -> 
             answer = json.loads(page.recv(timeout=5))
     assert answer["op"] == "refused"
     assert "inputs: missing" in answer["message"]
-    with serving(RulesServer(RulesFile(Path(shutil.copy(AVOID, project))))) as server:
+    with serving(
+        RulesServer(RulesFile(Path(shutil.copy(AVOID, project)))), RulesServer.close
+    ) as server:
         (project / AVOID.name).unlink()
         address, gone = server.url.replace("http", "ws", 1), "there is no such file"
         with (
@@ -450,7 +433,7 @@ def opened(tmp_path: Path, project: Path, folder: Path) -> Iterator[Page]:
     assert len(text) < 300_000
     run = RulesRun(project / "run", BehaviorRules(GO_TO))
     server = RulesServer(find_rules("go_to_xy"), page=text, run=run)
-    with serving(server), live_browser(tmp_path / "profile") as browser:
+    with serving(server, RulesServer.close), live_browser(tmp_path / "profile") as browser:
         browser.resize(1500, 900)
         page = Page(browser, server.url)
         page.wait_says("marks", "the same commands as in the recording")
