@@ -25,6 +25,7 @@ from navfw.process.printable_text import printable
 from navfw.process.process_resources import redirected
 
 if TYPE_CHECKING:
+    from navfw.assumption import Assumption
     from navfw.process.result_table import ResultTable
 
 ItemT = TypeVar("ItemT")
@@ -81,6 +82,12 @@ def wrapped(line: str, width: int) -> str:
         break_long_words=False,
         break_on_hyphens=False,
     )
+
+
+def print_assumed(assumed: Iterable[Assumption]) -> None:
+    """Print what is assumed on stderr, a line for each."""
+    for assumption in assumed:
+        echo(f"assumed: {assumption}", err=True)
 
 
 def print_json(data: Mapping[str, Any] | Sequence[Mapping[str, Any]]) -> None:
