@@ -322,6 +322,10 @@ class Variable:
         return "" if self.unit == "1" else self.unit
 
     @cached_property
+    def _sampled(self) -> dict[tuple[str, tuple[str, ...]], Array]:
+        return {}
+
+    @cached_property
     def universe(self) -> Array:
         """Samples (M,) of the range, increasing; terms are linear between them."""
         universe = sample_universe(self.low, self.high, self.points, self.terms.values())
@@ -330,7 +334,11 @@ class Variable:
 
     def sampled(self, term: str, hedges: tuple[str, ...] = ()) -> Array:
         """Compute the degrees (M,) of ``term`` over the universe, with ``hedges`` applied."""
-        return hedged(self.terms[term](self.universe), hedges)
+        if (term, hedges) not in self._sampled:
+            degrees = hedged(self.terms[term](self.universe), hedges)
+            degrees.flags.writeable = False
+            self._sampled[term, hedges] = degrees
+        return self._sampled[term, hedges]
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import fields
 from functools import lru_cache, partial
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -31,7 +31,9 @@ from navfw.signals import (
     Twist,
     Waypoint,
 )
-from navfw.topomap import Passage, TopoMap
+
+if TYPE_CHECKING:
+    from navfw.topomap import Passage, TopoMap
 
 T = TypeVar("T")
 
@@ -179,11 +181,15 @@ def check_reason(answer: Any) -> str | None:
     return None if answer is None else answers.text(answer, "no_route_reason")
 
 
-Findings = tuple[Sequence[Passage], Sequence[tuple[str, Sequence[Any]]], TopoMap | None]
+Findings: TypeAlias = (
+    "tuple[Sequence[Passage], Sequence[tuple[str, Sequence[Any]]], TopoMap | None]"
+)
 
 
 def check_findings(answer: Any) -> Findings:
     """What a planner found: closed passages, ways with tracks that are not empty, a map or None."""
+    from navfw.topomap import Passage, TopoMap  # not at the top: whoever asks why needs no graphs
+
     closed = _each(answer[0], Passage, "closed", lambda passage: passage)
     ways = [_pair(way, "found", lambda part, _: part, "parts") for way in answer[1]]
     tracks = [(answers.text(n, "found"), [_point(at, "track") for at in t]) for n, t in ways if t]

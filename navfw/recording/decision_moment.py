@@ -11,7 +11,7 @@ import numpy as np
 
 from navfw.context import Context
 from navfw.fuzzy import RuleBase, Variable
-from navfw.fuzzy.membership import Trapezoid
+from navfw.fuzzy.membership import Shape, Trapezoid
 from navfw.interfaces import Behavior, Composite
 from navfw.mofis.mofis import Mofis
 from navfw.mofis.rules import BehaviorRules, RuledBehavior, RuledComposite, Verdict
@@ -54,13 +54,18 @@ def edited(base: RuleBase, shifts: Sequence[Shift]) -> RuleBase:
             rule = rules[shift.rule]
             rules[shift.rule] = replace(rule, weight=min(1.0, rule.weight * shift.amount))
         elif shift.corner is not None:
-            name, term, number = shift.corner
-            shape = inputs[name].terms[term]
-            places = list(shape.corners)
-            places[number] += shift.amount
-            terms = {**inputs[name].terms, term: Trapezoid(tuple(places))}
+            name, term, _ = shift.corner
+            terms = {**inputs[name].terms, term: _moved(inputs[name].terms[term], shift)}
             inputs[name] = replace(inputs[name], terms=terms)
     return replace(base, rules=tuple(rules), inputs=inputs)
+
+
+def _moved(shape: Shape, shift: Shift) -> Trapezoid:
+    """Return a trapezoid with the break point of ``shift`` moved; ValueError if it passes one."""
+    assert shift.corner is not None  # noqa: S101 - those alone are moved
+    places = list(shape.corners)
+    places[shift.corner[2]] += shift.amount
+    return Trapezoid(tuple(places))
 
 
 class _ShiftedRules(BehaviorRules):
@@ -155,8 +160,8 @@ class DecisionMoment:
             return True
         name, term, _ = shift.corner
         values = self._values.get((shift.behavior, name), np.empty(0))
-        moved = edited(rules.base, [shift]).inputs[name].terms[term]
-        return not np.array_equal(moved(values), rules.base.inputs[name].terms[term](values))
+        shape = rules.base.inputs[name].terms[term]
+        return not np.array_equal(_moved(shape, shift)(values), shape(values))
 
     def rules_of(self, owner: str) -> BehaviorRules | None:
         """Return the rules of a behaviour or composite; None if it has none."""
