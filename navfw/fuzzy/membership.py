@@ -143,13 +143,38 @@ class Sigmoid(Shape):
         return tuple(self.centre + z / self.slope for z in np.linspace(-8.0, 8.0, 33).tolist())
 
 
+@dataclass(frozen=True, slots=True)
+class Points(Shape):
+    """Linear between ``degrees`` at increasing ``places``, constant outside; else ValueError."""
+
+    places: tuple[float, ...]
+    degrees: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        increasing = all(left < right for left, right in pairwise(self.places))
+        within = all(0.0 <= degree <= 1.0 for degree in self.degrees)
+        if not len(self.places) == len(self.degrees) >= 2 or not increasing or not within:
+            raise ValueError("expected pairs of x, which increase, and a degree from 0 to 1")
+
+    def __call__(self, x: Array) -> Array:
+        """Compute the degrees."""
+        return np.asarray(np.interp(x, self.places, self.degrees))
+
+    @property
+    def corners(self) -> tuple[float, ...]:
+        """All ``places``."""
+        return self.places
+
+
 SHAPES: dict[str, tuple[Callable[..., Shape], tuple[str, ...]]] = {
     "triangle": (lambda *places: Trapezoid(places), ("a", "b", "c")),
     "trapezoid": (lambda *places: Trapezoid(places), ("a", "b", "c", "d")),
     "gauss": (Gauss, ("mean", "sigma")),
     "sigmoid": (Sigmoid, ("centre", "slope")),
+    "points": (lambda *pairs: Points(pairs[::2], pairs[1::2]), ()),
 }
-"""Makers of shapes by their name in rule files, with the names of their parameters in order."""
+"""Makers of shapes by their name in rule files, with the names of their parameters in order; ():
+any number of them."""
 
 
 def make_shape(kind: str, parameters: Sequence[float]) -> Shape:
@@ -160,7 +185,7 @@ def make_shape(kind: str, parameters: Sequence[float]) -> Shape:
 
     """
     shape, names = SHAPES[kind]
-    if len(parameters) != len(names):
+    if names and len(parameters) != len(names):
         raise ValueError(
             f"expected {len(names)} numbers [{', '.join(names)}], got {len(parameters)}"
         )

@@ -186,7 +186,8 @@ class _RuleBaseBuilder:
             return None
         ((kind, parameters),) = form.items()
         if kind not in SHAPES:
-            self._problem((*path, kind), f"unknown shape {kind!r}: {did_you_mean(kind, SHAPES)}")
+            advice = _of_other_tools(kind, parameters) or did_you_mean(kind, SHAPES)
+            self._problem((*path, kind), f"unknown shape {kind!r}: {advice}")
             return None
         try:
             return make_shape(kind, parameters)
@@ -226,6 +227,44 @@ class _RuleBaseBuilder:
             self._problem(("inputs", name), f"expected a rule with {name!r} in its IF part")
         for name in outputs.keys() - concluded:
             self._problem(("outputs", name), f"expected a rule with {name!r} in its THEN part")
+
+
+_SAME = {
+    "triangle": ("trimf", "trian", "triangular"),
+    "trapezoid": ("trapmf", "trape", "trapezoidal", "pimf"),
+    "gauss": ("gaussmf", "gaussian"),
+    "sigmoid": ("sigmf", "sigm"),
+    "points": ("discrete", "piecewise", "linear"),
+}
+"""Names of shapes in scikit-fuzzy, MATLAB's FIS and FCL, by those here."""
+
+
+def _of_other_tools(kind: str, parameters: Sequence[float]) -> str:
+    """What to write for a shape called ``kind`` elsewhere; "" for other words."""
+    word, numbers = kind.lower(), [float(value) for value in parameters]
+    shape = next((shape for shape, words in _SAME.items() if word in words), "")
+    match word, numbers:
+        case "singleton" | "sing" | "spike", [a, *_]:
+            shape, numbers = "triangle", [a, a, a]
+        case "rectangle" | "rectangular", [a, b]:
+            shape, numbers = "trapezoid", [a, a, b, b]
+        case "linsmf" | "smf" | "ramp", [a, b]:
+            shape, numbers = "points", [a, 0, b, 1] if a < b else [b, 1, a, 0]
+        case "linzmf" | "zmf", [a, b]:
+            shape, numbers = "points", [a, 1, b, 0]
+        case "gbellmf" | "gbell" | "bell", [a, b, c] if b > 0:
+            # the degree is 0.5, and the slope that of the bell, at c - a and c + a
+            shape, top, foot = "trapezoid", max(a - a / b, 0.0), max(a + a / b, 0.0)
+            numbers = [c - foot, c - top, c + top, c + foot]
+    if not shape:
+        return ""
+    advice = f"write {shape}: [{', '.join(f'{value:.6g}' for value in numbers)}]"
+    if word in {"gaussmf", "sigmf"} and len(numbers) == 2:
+        order = "[sigma, mean]" if word == "gaussmf" else "[slope, centre]"
+        turned = ", ".join(f"{value:.6g}" for value in reversed(numbers))
+        return f"{advice}, or, if they are {order} as in MATLAB, {shape}: [{turned}]"
+    curved = word in {"pimf", "smf", "zmf"} or word.startswith(("gbell", "bell"))
+    return advice + (", the nearest that there is" if curved else "")
 
 
 def _as_rule_base_error(error: ConfigError) -> RuleBaseError:

@@ -29,7 +29,7 @@ class InputSpec(StrictModel):
     range: tuple[float, float] = Field(description="lowest and highest value; inputs are clipped")
     unit: str = Field("1", description="unit of the range; 1 for none")
     description: str = Field("", description="what it measures")
-    points: int = Field(101, ge=3, le=10_001, description="even samples over the range")
+    points: int = Field(101, ge=2, le=10_001, description="even samples over the range")
     terms: dict[str, dict[str, list[float]]] = Field(
         min_length=1, description="term name: {shape: [parameters]}"
     )

@@ -100,7 +100,9 @@ def _variable(
     for (term, shape), degree in zip(one.terms.items(), degrees, strict=True):
         numbers = [path for path in places if path[:-2] == (section, one.name, "terms", term)]
         xs = np.union1d(np.linspace(low, high, _POINTS), shape.corners)
-        drawn = {"name": term, "kind": numbers[0][-2], "numbers": [places[p] for p in numbers]}
+        kind = numbers[0][-2]  # of points, which may be hundreds, none can be dragged
+        spans = [] if kind == "points" else [places[p] for p in numbers]
+        drawn = {"name": term, "kind": kind, "numbers": spans}
         terms.append(drawn | {"degree": degree, **_curve(xs, shape(xs))})
     about = {"name": one.name, "unit": one.unit_text, "terms": terms}
     return about | {"low": one.low, "high": one.high, "axis": [low, high]}

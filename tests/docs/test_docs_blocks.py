@@ -25,6 +25,7 @@ from cli_calls import put_file
 from docs_pages import PAGES, ROOT, DocBlock, blocks_of, execute
 
 from navfw.context import CommandGrid, CommandGridParams
+from navfw.fuzzy import load_rule_base
 from navfw.fuzzy.rulebase import parse_rule
 from navfw.lenses import load_calibration
 from navfw.missions.missionfile import load_mission
@@ -160,9 +161,13 @@ rules: [IF reserve IS any THEN desire IS much]
 """
 
 
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+@pytest.mark.usefixtures("project")
 def test_the_code_on_rules_runs() -> None:
     commands = CommandGrid(RobotModel(), CommandGridParams())
-    first, second = (b.text for b in BLOCKS if b.page == "rules.md" and b.language == "python")
+    first, second, exchange = (
+        b.text for b in BLOCKS if b.page == "rules.md" and b.language == "python"
+    )
     for code, rules in ((first, RULES), (second, RESERVE)):
         self = SimpleNamespace(rules=BehaviorRules.parse(rules))
         # of arcs the page needs no more
@@ -170,6 +175,10 @@ def test_the_code_on_rules_runs() -> None:
         names = {"commands": commands, "arcs": arcs, "self": self}
         ended = execute(code, "rules.md", **names)
     assert ended["verdict"].values("desire").shape == commands.shape
+    put_file(Path(), "rules.yaml", RULES)
+    execute(exchange, "rules.md")
+    copied = load_rule_base("copy.yaml").rules
+    assert [r.sentence for r in copied] == [r.sentence for r in load_rule_base("rules.yaml").rules]
 
 
 def test_every_block_is_known() -> None:
@@ -197,7 +206,10 @@ def test_the_lists_of_blocks_have_nothing_superfluous() -> None:
 PUBLIC = ("navfw", "navfw.gym", "navfw.testing")
 """The modules that others import; all else in navfw is inner (docs/decisions/0138)."""
 
-SHOWN = {"examples/paper_in_one_file.py": "navfw.fuzzy"}
+SHOWN = {
+    "examples/paper_in_one_file.py": "navfw.fuzzy",
+    "docs/rules.md, block 3": "navfw.fuzzy.skfuzzy_exchange",
+}
 """The inner module that an example is about."""
 
 TEMPLATES = ROOT / "navfw" / "scaffold" / "templates"

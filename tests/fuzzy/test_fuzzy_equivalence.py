@@ -30,6 +30,7 @@ GENERATORS = {
     "trapezoid": skfuzzy.trapmf,
     "gauss": lambda x, p: skfuzzy.gaussmf(x, *p),
     "sigmoid": lambda x, p: skfuzzy.sigmf(x, *p),
+    "points": lambda x, p: skfuzzy.interp_membership(p[::2], p[1::2], x, zero_outside_x=False),
 }
 
 
@@ -56,7 +57,7 @@ def test_samples_keep_corners_and_edges(forms: list[dict[str, list[float]]], poi
         # beside an edge the sampled form is a ramp, 2e-9 wide here
         beside = [np.abs(x - place) < 1e-8 for place, _ in shape.jumps]
         clear = ~np.any(beside, axis=0) if beside else np.ones_like(x, dtype=bool)
-        tolerance = 1e-6 if kind in {"triangle", "trapezoid"} else 0.01
+        tolerance = 1e-6 if kind in {"triangle", "trapezoid", "points"} else 0.01
         np.testing.assert_allclose(sampled[clear], shape(x)[clear], atol=tolerance)
 
 
@@ -89,6 +90,9 @@ def test_hedges_act_from_the_term_outwards() -> None:
         ("gauss", [0.0, float("inf")], "at most 1e[+]12, got"),
         ("triangle", [0.0, float("nan"), 1.0], "at most 1e[+]12, got"),
         ("triangle", [0.0, 1.0, 1e308], "at most 1e[+]12, got"),
+        ("points", [0.0, 1.0, 0.0, 0.0], "x, which increase"),
+        ("points", [0.0, 1.0, 1.0], "pairs of x"),
+        ("points", [0.0, 1.0, 1.0, 1.1], "a degree from 0 to 1, got"),
     ],
 )
 def test_impossible_shapes_are_refused(kind: str, parameters: list[float], expected: str) -> None:

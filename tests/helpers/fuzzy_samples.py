@@ -61,13 +61,18 @@ def _number(low: float, high: float) -> st.SearchStrategy[float]:
 def shapes(draw: st.DrawFn, low: float, high: float) -> dict[str, list[float]]:
     """A shape above zero somewhere in the range, with corners in and outside it."""
     width = high - low
-    kind = draw(st.sampled_from(["triangle", "trapezoid", "gauss", "sigmoid"]))
+    kind = draw(st.sampled_from(["triangle", "trapezoid", "gauss", "sigmoid", "points"]))
     top = draw(_number(low, high) | st.sampled_from([low, high]))
     if kind == "gauss":
         return {kind: [top, draw(_number(0.02 * width + 0.001, width))]}
     if kind == "sigmoid":
         sign = draw(st.sampled_from([-1.0, 1.0]))
         return {kind: [top, sign * draw(_number(0.5, 60.0)) / width]}
+    if kind == "points":
+        places = sorted({top, *draw(st.lists(_number(low - width, high + width), min_size=2))})
+        degrees = [draw(_number(0.0, 1.0)) if place != top else 1.0 for place in places]
+        pairs = zip([*places, places[-1] + width], [*degrees, 0.0], strict=True)
+        return {kind: [value for pair in pairs for value in pair]}
     reach = st.sampled_from([0.0, 0.1 * width]) | _number(0.0, 0.7 * width)
     before, after = draw(reach), draw(reach)
     if kind == "triangle":

@@ -22,16 +22,15 @@ from __future__ import annotations
 
 import statistics
 import time
-import warnings
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from navfw.fuzzy.compiled_fis import CompiledFis
 from navfw.fuzzy.inference_kernels import FIRING_FLOOR
-from navfw.fuzzy.rulebase import And, Clause, Is, Not, Or, RuleBase, Variable, atoms
+from navfw.fuzzy.rulebase import RuleBase
+from navfw.fuzzy.skfuzzy_exchange import control_system_of, without_warnings
 from navfw.numerics import Array
 
 _RESET_EVERY = 500
@@ -50,18 +49,16 @@ class ReferenceFis:
     """A rule base as a ``skfuzzy.control.ControlSystemSimulation``."""
 
     def __init__(self, rule_base: RuleBase) -> None:
-        with _without_warnings():
+        with without_warnings():
             from skfuzzy import control, defuzz
 
-            self._control = control
             self._defuzz = defuzz
             self.rule_base = rule_base
-            self._inputs = {v.name: self._antecedent(v) for v in rule_base.inputs.values()}
-            self._outputs = {v.name: self._consequent(v) for v in rule_base.outputs.values()}
-            self._rules = [self._rule(number) for number in range(len(rule_base.rules))]
-            self.simulation = control.ControlSystemSimulation(
-                control.ControlSystem(self._rules), flush_after_run=10**9
-            )
+            system = control_system_of(rule_base)
+            self._outputs = {output.label: output for output in system.consequents}
+            rules = {rule.label: rule for rule in system.rules}
+            self._rules = [rules[f"rule {number}"] for number in range(len(rules))]
+            self.simulation = control.ControlSystemSimulation(system, flush_after_run=10**9)
         self._runs = 0
 
     def evaluate(self, inputs: Mapping[str, float]) -> ReferenceInference:
@@ -79,50 +76,11 @@ class ReferenceFis:
         self._runs += 1
         if self._runs % _RESET_EVERY == 0:
             self.simulation.reset()
-        with _without_warnings():
+        with without_warnings():
             self.simulation.inputs({name: float(value) for name, value in inputs.items()})
             self.simulation.compute()
         crisp: Mapping[str, float] = self.simulation.output
         return crisp
-
-    def _antecedent(self, variable: Variable) -> Any:
-        antecedent = self._control.Antecedent(variable.universe, variable.name)
-        for term in variable.terms:
-            antecedent[term] = variable.sampled(term)
-        for rule in self.rule_base.rules:
-            for atom, _ in atoms(rule.antecedent):
-                if atom.variable == variable.name and atom.hedges:
-                    antecedent[_label(atom)] = variable.sampled(atom.term, atom.hedges)
-        return antecedent
-
-    def _consequent(self, variable: Variable) -> Any:
-        consequent = self._control.Consequent(variable.universe, variable.name)
-        for term in variable.terms:
-            consequent[term] = variable.sampled(term)
-        return consequent
-
-    def _rule(self, number: int) -> Any:
-        rule = self.rule_base.rules[number]
-        conclusions = [
-            self._outputs[output][term] % float(rule.weight) for output, term in rule.conclusions
-        ]
-        return self._control.Rule(
-            self._clause(rule.antecedent),
-            conclusions,
-            label=f"rule {number}",
-            and_func=np.fmin if self.rule_base.conjunction == "min" else np.multiply,
-        )
-
-    def _clause(self, clause: Clause) -> Any:
-        match clause:
-            case Is():
-                return self._inputs[clause.variable][_label(clause)]
-            case Not(inner):
-                return ~self._clause(inner)
-            case And(left, right):
-                return self._clause(left) & self._clause(right)
-            case Or(left, right):
-                return self._clause(left) | self._clause(right)
 
     def read(self) -> ReferenceInference:
         """The result of the last ``compute``."""
@@ -151,23 +109,11 @@ class ReferenceFis:
             return np.nan if variable.default is None else variable.default
         if self.rule_base.implication == "prod":
             scaled = [float(cut[0]) * variable.sampled(term) for term, cut in degrees.items()]
-            with _without_warnings():
+            with without_warnings():
                 crisp = self._defuzz(variable.universe, np.max(scaled, axis=0), "centroid")
         else:
             crisp = self.simulation.output[name]
         return float(np.clip(crisp, variable.low, variable.high))
-
-
-@contextmanager
-def _without_warnings() -> Iterator[None]:
-    """Ignore scikit-fuzzy's warnings (deprecated calls, divisions by zero)."""
-    with warnings.catch_warnings(), np.errstate(all="ignore"):
-        warnings.simplefilter("ignore")
-        yield
-
-
-def _label(atom: Is) -> str:
-    return " ".join((*atom.hedges, atom.term))
 
 
 _BATCH = 16

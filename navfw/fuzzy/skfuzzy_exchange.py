@@ -1,0 +1,265 @@
+"""Rules files as control systems of scikit-fuzzy, and control systems as rules files.
+
+Both give the same outputs to 1e-6: scikit-fuzzy has no other implication than clipping, navfw no
+other defuzzification than the centroid; what differs is refused. Where no rule fires, scikit-fuzzy
+has no output, navfw the ``default``.
+"""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from itertools import pairwise
+from operator import mul
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from navfw.config.yaml_text import write_yaml_text
+from navfw.errors import MissingExtraError, RuleBaseError, UnknownNameError
+from navfw.fuzzy.membership import HEDGES
+from navfw.fuzzy.rulebase import KEYWORDS, And, Clause, Is, Not, Or, RuleBase, atoms
+from navfw.fuzzy.rulefile import load_rule_base, parse_rule_base
+from navfw.numerics import Array
+from navfw.process.atomic import write_text
+
+_PAIRS = ((0.3, 0.8), (0.8, 0.3), (0.5, 0.5), (0.0, 1.0))  # chosen
+"""Degrees at which a function of two degrees is compared with those that navfw has."""
+
+
+@contextmanager
+def without_warnings() -> Iterator[None]:
+    """Ignore scikit-fuzzy's warnings (deprecated calls, divisions by zero)."""
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        yield
+
+
+def to_control_system(path: str | Path) -> Any:
+    """The rules file as a ``skfuzzy.control.ControlSystem``; a hedged term is one of its own.
+
+    Raises:
+        RuleBaseError: the file is not valid, or its implication is ``prod``.
+        MissingExtraError: scikit-fuzzy is not installed.
+
+    """
+    rule_base = load_rule_base(path)
+    if rule_base.implication != "min":
+        what = "scikit-fuzzy only clips conclusions: its outputs would differ; write min"
+        raise RuleBaseError(what, file=rule_base.file, key="implication")
+    return control_system_of(rule_base)
+
+
+def control_system_of(rule_base: RuleBase) -> Any:
+    """The ``ControlSystem`` of a rule base, whose conclusions are clipped in any case.
+
+    Rule i has the label ``rule i``.
+    """
+    control = _control()
+    with without_warnings():
+        inputs = {v.name: control.Antecedent(v.universe, v.name) for v in rule_base.inputs.values()}
+        outputs = {
+            v.name: control.Consequent(v.universe, v.name) for v in rule_base.outputs.values()
+        }
+        for variables, made in ((rule_base.inputs, inputs), (rule_base.outputs, outputs)):
+            for name, variable in variables.items():
+                for term in variable.terms:
+                    made[name][term] = variable.sampled(term)
+        for rule in rule_base.rules:
+            for atom, _ in atoms(rule.antecedent):
+                degrees = rule_base.inputs[atom.variable].sampled(atom.term, atom.hedges)
+                inputs[atom.variable][_label(atom)] = degrees
+
+        def clause_of(clause: Clause) -> Any:
+            match clause:
+                case Is():
+                    return inputs[clause.variable][_label(clause)]
+                case Not(inner):
+                    return ~clause_of(inner)
+                case And(left, right):
+                    return clause_of(left) & clause_of(right)
+                case Or(left, right):
+                    return clause_of(left) | clause_of(right)
+
+        return control.ControlSystem(
+            control.Rule(
+                clause_of(rule.antecedent),
+                [outputs[output][term] % float(rule.weight) for output, term in rule.conclusions],
+                label=f"rule {number}",
+                and_func=np.fmin if rule_base.conjunction == "min" else np.multiply,
+            )
+            for number, rule in enumerate(rule_base.rules)
+        )
+
+
+def _control() -> Any:
+    with without_warnings():
+        try:
+            from skfuzzy import control
+        except ImportError:
+            raise MissingExtraError("skfuzzy", "scikit-fuzzy") from None
+        return control
+
+
+def _label(atom: Is) -> str:
+    return " ".join((*atom.hedges, atom.term))
+
+
+def from_control_system(
+    system: Any, path: str | Path, defaults: Mapping[str, float] | None = None
+) -> RuleBase:
+    """Write a ``ControlSystem`` or its simulation as the rules file ``path``; its rule base.
+
+    Characters that navfw's names cannot have become ``_``. Terms that are no triangle or trapezoid
+    become ``points``. ``defaults`` are the values of outputs where no rule fires.
+
+    Raises:
+        RuleBaseError: the system has something that navfw computes differently or lacks, or the
+            rules leave a region uncovered of an output that has no default.
+
+    """
+    path, system = Path(path), getattr(system, "ctrl", system)
+    rules = [node for node in system.graph.nodes if isinstance(node, _control().Rule)]
+    variables = {"inputs": list(system.antecedents), "outputs": list(system.consequents)}
+    known = [variable for both in variables.values() for variable in both]
+    problems = [what for rule in rules for what in _differences(rule, variables["inputs"])]
+    for output in variables["outputs"]:
+        if "centroid" not in output.defuzzify_method.lower():
+            what = f"{output.label}: defuzzify_method {output.defuzzify_method!r}, navfw has only "
+            problems.append(f"{what}'centroid': set it in the system")
+        if not _equal(output.accumulation_method, max):
+            problems.append(f"{output.label}: its accumulation_method is not the maximum")
+    names = {variable: _name(variable.label) for variable in known}
+    norms = {_norm(rule) for rule in rules} - {None}
+    if len(norms) > 1:
+        problems.append("some rules have the minimum as and_func, others the product: use one")
+    for labels in ([v.label for v in known], *(list(v.terms) for v in known)):
+        if len({_name(label) for label in labels}) < len(labels):
+            problems.append(f"two of {labels} are one name in navfw: letters, digits and _")
+    data: dict[str, Any] = {"name": path.stem, "and": next(iter(norms), "min")}
+    for section, members in variables.items():
+        data[section] = {}
+        for variable in members:
+            try:
+                data[section][names[variable]] = _declaration(variable, section)
+            except ValueError as error:
+                problems.append(f"{variable.label}: {error}")
+    if problems:
+        raise RuleBaseError("the control system cannot be a rules file: " + "\n".join(problems))
+    for output, value in (defaults or {}).items():
+        if output not in data["outputs"]:
+            raise UnknownNameError("output", output, data["outputs"])
+        data["outputs"][output]["default"] = value
+    sentences = [f"- {sentence}\n" for rule in rules for sentence in _sentences(rule, names)]
+    text = f"{write_yaml_text(data)}rules:\n{''.join(sentences)}"
+    rule_base = parse_rule_base(text, str(path))
+    write_text(path, text, parents=True)
+    return rule_base
+
+
+def _equal(function: Callable[..., Any], reference: Callable[..., Any]) -> bool:
+    return all(abs(function(*pair) - reference(*pair)) < 1e-12 for pair in _PAIRS)
+
+
+def _kinds(term: Any) -> Iterator[str]:
+    """The operators in an antecedent: "and", "or", "not"."""
+    if kind := getattr(term, "kind", None):
+        yield from (kind, *_kinds(term.term1), *_kinds(term.term2))
+
+
+def _norm(rule: Any) -> str | None:
+    """The name of the AND of a rule, "" if navfw has none such; None of a rule without AND."""
+    if "and" not in _kinds(rule.antecedent):
+        return None
+    return "min" if _equal(rule.and_func, min) else "prod" if _equal(rule.and_func, mul) else ""
+
+
+def _differences(rule: Any, inputs: list[Any]) -> Iterator[str]:
+    """What navfw would compute differently of a rule."""
+    if _norm(rule) == "":
+        yield f"rule {rule.label}: and_func is neither the minimum nor the product"
+    if "or" in _kinds(rule.antecedent) and not _equal(rule.or_func, max):
+        yield f"rule {rule.label}: or_func is not the maximum"
+    for term in rule.antecedent_terms:
+        if term.parent not in inputs:
+            yield f"rule {rule.label}: {term.full_label} is an output: make two systems of the two"
+    for conclusion in rule.consequent:
+        if not 0.0 < conclusion.weight <= 1.0:
+            what = "expected a weight above 0 and at most 1"
+            yield f"rule {rule.label}: {what}, got {conclusion.weight:g}"
+
+
+def _name(label: object) -> str:
+    name = re.sub(r"\W", "_", str(label), flags=re.ASCII)
+    reserved = name.upper() in KEYWORDS or name in HEDGES or not name or name[0].isdigit()
+    return f"_{name}" if reserved else name
+
+
+def _declaration(variable: Any, section: str) -> dict[str, Any]:
+    """A variable as in a rules file, an output with the same samples; else ValueError."""
+    universe = np.asarray(variable.universe, dtype=np.float64).ravel()
+    if universe.size < 2 or not (np.diff(universe) > 0).all():
+        raise ValueError("expected a universe of at least two increasing numbers")
+    low, high, count = float(universe[0]), float(universe[-1]), universe.size
+    step = (high - low) / (count - 1)
+    even = bool(np.allclose(universe, np.linspace(low, high, count), rtol=0, atol=1e-7 * step))
+    terms: dict[str, dict[str, list[float]]] = {}
+    for label, term in variable.terms.items():
+        degrees = np.asarray(term.mf, dtype=np.float64)
+        if degrees.shape != universe.shape or not ((degrees >= 0) & (degrees <= 1)).all():
+            raise ValueError(f"expected degrees from 0 to 1 of {label!r}, one a sample")
+        # uneven samples are those at the corners of a term: the first one keeps them all
+        whole = section == "outputs" and not even and not terms
+        terms[_name(label)] = _shape(universe, degrees, whole=whole)
+    return {"range": [low, high], "points": count if even else 2, "terms": terms}
+
+
+def _shape(universe: Array, degrees: Array, *, whole: bool) -> dict[str, list[float]]:
+    """The shape whose degrees are linear between the samples."""
+    slopes = np.diff(degrees) / np.diff(universe)
+    bend = np.abs(np.diff(slopes)) > 1e-9 * (np.abs(slopes[1:]) + np.abs(slopes[:-1]))
+    kept = np.concatenate(([True], bend | whole, [True]))
+    xs, ys = universe[kept].tolist(), degrees[kept].tolist()
+    one = [x for x, y in zip(xs, ys, strict=True) if y == 1.0]
+    steps = [y for k, y in enumerate(ys) if k == 0 or y != ys[k - 1]]
+    if not whole and one and steps in ([1.0], [0.0, 1.0], [1.0, 0.0], [0.0, 1.0, 0.0]):
+        feet = [
+            a if y < z else b for (a, y), (b, z) in pairwise(zip(xs, ys, strict=True)) if y != z
+        ]
+        left = [x for x in feet if x < one[0]] or one[:1]
+        right = [x for x in feet if x > one[-1]] or one[-1:]
+        if one[0] == one[-1]:
+            return {"triangle": [left[0], one[0], right[0]]}
+        return {"trapezoid": [left[0], one[0], one[-1], right[0]]}
+    return {"points": [value for pair in zip(xs, ys, strict=True) for value in pair]}
+
+
+def _sentences(rule: Any, names: Mapping[Any, str]) -> Iterator[str]:
+    """A rule as sentences: several when its conclusions differ in weight, or are of one output."""
+
+    def clause_of(term: Any) -> Clause:
+        match getattr(term, "kind", None):
+            case "not":
+                return Not(clause_of(term.term1))
+            case "and":
+                return And(clause_of(term.term1), clause_of(term.term2))
+            case "or":
+                return Or(clause_of(term.term1), clause_of(term.term2))
+        return Is(names[term.parent], _name(term.label))
+
+    groups: list[tuple[float, dict[str, str]]] = []
+    for conclusion in rule.consequent:
+        output, term = names[conclusion.term.parent], _name(conclusion.term.label)
+        weight = float(conclusion.weight)
+        fitting = [said for by, said in groups if by == weight and output not in said]
+        if fitting:
+            fitting[0][output] = term
+        else:
+            groups.append((weight, {output: term}))
+    for weight, said in groups:
+        conclusions = ", ".join(f"{output} IS {term}" for output, term in said.items())
+        with_weight = "" if weight == 1.0 else f" WITH {weight!r}"
+        yield f"IF {clause_of(rule.antecedent)} THEN {conclusions}{with_weight}"
