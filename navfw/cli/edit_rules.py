@@ -38,5 +38,7 @@ def rules(
         recorded = None if run is None else RulesRun(run, BehaviorRules(file.path))
         server = RulesServer(file, port, page=page, run=recorded)
     echo(f"rules: {server.url}", err=True)
+    if server.unsaved:
+        echo(f"note: {server.unsaved}", err=True)
     server.stay()
     server.close()

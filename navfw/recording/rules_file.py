@@ -42,27 +42,37 @@ class RulesFile:
         """The text, with line feeds alone; raises ConfigError if it cannot be read."""
         return read_input_text(self.path).replace("\r\n", "\n")
 
-    def save(self, text: str, read: str) -> str:
-        """Write ``text`` into the user's project, if the file still contains what was ``read``.
+    def target(self) -> Path:
+        """The file that is written: this one, or a copy of it for the project.
 
         What a plugin reads that ships with navfw, or is in no project, is copied into the project's
-        ``behaviors``, where it is used in its place. Returns what was done.
+        ``behaviors``, where it is used in its place.
 
         Raises:
-            ChangedFileError: the file contains something else.
-            InputError: there is no project, or no plugin for a copy; the file cannot be written.
+            InputError: there is no project, or no plugin for a copy.
 
         """
         file, project = real_path(self.path), own_project()
         installed = {real_path(place) for place in (sys.prefix, shipped_folder())}
         if own_project(file.parent) is not None and installed.isdisjoint(file.parents):
-            target = self.path
-        elif project is not None and self.plugin is not None:
-            target = project / "behaviors" / self.path.name
-        else:
-            why = "there is no project here: navfw new project DIR, then navfw rules in DIR"
-            why = why if project is None else "no behaviour would read a copy in this project"
-            raise InputError(f"is not the user's own, and {why}", file=shown_path(self.path))
+            return self.path
+        if project is not None and self.plugin is not None:
+            return project / "behaviors" / self.path.name
+        why = "there is no project here: navfw new project DIR, then navfw rules in DIR"
+        why = why if project is None else "no behaviour would read a copy in this project"
+        raise InputError(f"is not the user's own, and {why}", file=shown_path(self.path))
+
+    def save(self, text: str, read: str) -> str:
+        """Write ``text`` into the user's project, if the file still contains what was ``read``.
+
+        Returns what was done.
+
+        Raises:
+            ChangedFileError: the file contains something else.
+            InputError: it has no ``target``, or cannot be written.
+
+        """
+        target = self.target()
         source = target if is_file(target) else self.path
         with atomic_file(target, parents=True) as part:
             now = RulesFile(source).read()

@@ -68,12 +68,21 @@ class RulesServer(PageServer):
         self._seen(first)  # what is loaded for it is not waited for by the first page
         super().__init__(port, page)
 
+    @property
+    def unsaved(self) -> str:
+        """Why the file cannot be saved; "" if it can."""
+        try:
+            self._file.target()
+        except InputError as error:
+            return f"nothing can be saved: {error}"
+        return ""
+
     async def _view(self, client: ServerConnection) -> None:
         """Take the messages of a page; one that cannot be read ends the connection."""
         try:
             name, text = shown_path(self._file.path), self._file.read()
             about = {} if self._run is None else self._run.about()
-            tell(client, op="file", name=name, text=text, run=about)
+            tell(client, op="file", name=name, text=text, run=about, unsaved=self.unsaved)
             async for message in client:
                 self._take(client, json.loads(message))
         except InputError as error:  # of the file

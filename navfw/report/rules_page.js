@@ -39,7 +39,7 @@
       waiting = false;
       part("problem").textContent = message.problem;
       part("problem").hidden = !message.problem;
-      part("note").textContent = message.note || "";
+      part("note").textContent = message.note || file.unsaved;
       underline(message.lines);
       if (message.moment) {
         moment = message.moment;
@@ -115,7 +115,7 @@
     part("state").className = wrong ? "bad" : changed ? "" : "good";
     const refused = `refused as it stands${drawable || !answered.view ? "" : "; drawn is the last valid state"}`;
     part("state").textContent = `${file.name}: ${wrong ? refused : changed ? "changed, not saved" : "as in the file"}`;
-    part("save").disabled = wrong || !changed;
+    part("save").disabled = wrong || !changed || Boolean(file.unsaved);
     part("test").disabled = part("drive").disabled = wrong;
     part("undo").disabled = !history.length;
   }

@@ -358,7 +358,9 @@ def test_the_page_is_served_until_ctrl_c(workdir: Path) -> None:
     done = invoke("rules", "avoid", "--port", port)
     assert answers[0].startswith(b"HTTP/1.1 403 ")  # without the token, which is printed
     assert (done.exit_code, done.stdout) == (0, "")
-    assert re.fullmatch(rf"rules: http://127\.0\.0\.1:{port}/\?token=[\w-]+\n", done.stderr)
+    served, note = done.stderr.splitlines()
+    assert re.fullmatch(rf"rules: http://127\.0\.0\.1:{port}/\?token=[\w-]+", served)
+    assert note.startswith("note: nothing can be saved: ")  # here is no project
 
 
 # --- in a browser ---------------------------------------------------------------------------------
