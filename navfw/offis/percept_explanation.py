@@ -160,12 +160,6 @@ def report(
     return "; ".join(parts)
 
 
-def with_front(sentence: str, front: str) -> str:
-    """Return the sentence of a ``report`` with another ``front`` in it."""
-    clauses = sentence.split("; ")
-    return "; ".join(_front_clause(front) if c.startswith("Front is ") else c for c in clauses)
-
-
 def _front_clause(front: str) -> str:
     return f"Front is {front}" if front in ("unknown", "open") else f"Front is a {front}"
 

@@ -183,6 +183,8 @@ _LINES = 6
 _KEY_WIDTH = 580
 """Width from which the key fits on one line [px]."""
 _SHIFT = 4
+_NEWEST = 0.05
+"""Age of a word [s] from which on it is written behind it."""
 
 
 def draw(image: Image, result: PairResult, size: WorkingSize) -> Image:
@@ -332,7 +334,9 @@ def _caption(result: PairResult, width: int) -> Image:
     key_lines = 1 if width > _KEY_WIDTH else 2
     height = (_LINES + key_lines) * _LINE + 2 * _MARGIN
     strip = np.full((height, width, 3), _INK, dtype=np.uint8)
+    ages = {one.says: f" ({one.age:.1f} s ago)" for one in result.statements if one.age >= _NEWEST}
     clauses = result.percept.sentence.split("; ")
+    clauses = [clause + ages.get(clause.removeprefix("Layer1: "), "") for clause in clauses]
     front = [clause for clause in clauses if not clause.startswith("Layer")]
     right = _figures(result)
     room = width - 2 * _MARGIN

@@ -11,6 +11,7 @@ from navfw.numerics import Array
 from navfw.offis.elementary_situations import ELEMENTARY, TABLE
 from navfw.offis.percept_explanation import front_in
 from navfw.perceive.pair_motion import PairMotion, Scale
+from navfw.perceive.sentence_evidence import Statement
 from navfw.signals import FlowField, Percept
 
 
@@ -19,7 +20,8 @@ class PairResult:
     """Everything computed from one pair of images.
 
     ``flow`` is derotated and refers to the working image. ``front`` has the probabilities of what
-    stands in front, by this pair alone; it is empty where it cannot be told.
+    stands in front, by this pair alone; it is empty where it cannot be told. ``statements`` are
+    what the sentence says, each with its evidence.
     ``focus`` (x, y) is the focus of expansion [px from the top left of the original image], None
     where it is unknown; ``focal`` is the focal length [px of the original image].
     ``rotation_vector`` (3,) [rad] is the camera's rotation about base_link's x, y, z (roll, pitch,
@@ -27,7 +29,7 @@ class PairResult:
     ``contact`` [s] is the time to contact with the surface straight ahead, ``quadrant_contact`` [s]
     that of the nearest part of each quadrant; both are inf where nothing approaches.
     ``confidence`` is in [0, 1]. If ``known``
-    is false, this pair says nothing and ``notes`` give the reason: the words of the percept are
+    is false, this pair shows nothing and ``notes`` give the reason: the words of the percept are
     those held from the pairs before, or unknown.
     """
 
@@ -40,6 +42,7 @@ class PairResult:
     flow: FlowField
     percept: Percept
     front: dict[str, float]
+    statements: tuple[Statement, ...]
     rotation_vector: Array
     focus: tuple[float, float] | None
     focal: float
@@ -70,6 +73,15 @@ def as_data(result: PairResult) -> dict[str, Any]:
         "dt": _n(result.motion.dt),
         "frames": [result.past, result.now],
         "sentence": percept.sentence,
+        "statements": [
+            {
+                "what": one.what,
+                "says": one.says,
+                "probability": _n(one.probability),
+                "age_s": _n(one.age),
+            }
+            for one in result.statements
+        ],
         "known": result.known,
         "confidence": _n(result.confidence),
         "obstacles": {layer: dict(parts) for layer, parts in percept.obstacles.items()},

@@ -16,7 +16,6 @@ from navfw.egomotion.refinement import RefinementParams, refine
 from navfw.errors import InputError
 from navfw.interfaces import FlowProcessor
 from navfw.offis.offis import Offis
-from navfw.offis.percept_explanation import with_front
 from navfw.perceive.floor_motion import FloorFinder, FloorMotion
 from navfw.perceive.image_sources import ImageSource, SourceImage
 from navfw.perceive.pair_motion import (
@@ -36,7 +35,7 @@ from navfw.perceive.perceiver_options import (
     are_alike,
     has_texture,
 )
-from navfw.perceive.sentence_evidence import HeldWords, front_probabilities, probable_front
+from navfw.perceive.sentence_evidence import HeldWords, front_probabilities
 from navfw.plugins import Registry
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import FlowField, Frame, FramePair, Label, Percept, Twist
@@ -175,13 +174,13 @@ class Perceiver:
             percept = self._perceive(_unknown(flow), scale)
         pitch = self._floors.pitch or 0.0
         front = {} if problems else front_probabilities(percept, self._camera, scale.height, pitch)
-        percept = replace(percept, sentence=with_front(percept.sentence, probable_front(front)))
-        percept = self._words.hold(percept, known=not problems)
         if not problems and motion.egomotion.kind in DIRECTIONS:
             notes += (DIRECTIONS[motion.egomotion.kind],)
         regions = percept.explanation["regions"]
         # while the camera moves backward nothing approaches
         closing = max(float(flow.motion.translation[2]) / motion.dt, 0.0)
+        contact = _inverse(closing * _nearness_ahead(percept, flow, self._camera))
+        percept, statements = self._words.hold(percept, front, contact, known=not problems)
         return PairResult(
             number=self._number,
             past=past.name,
@@ -192,10 +191,11 @@ class Perceiver:
             flow=flow,
             percept=percept,
             front=front,
+            statements=statements,
             rotation_vector=rotation_vector(flow.motion.rotation, self._camera),
             focus=self._focus(motion, size),
             focal=self._camera.focal / size.scale,
-            contact=_inverse(closing * _nearness_ahead(percept, flow, self._camera)),
+            contact=contact,
             quadrant_contact={
                 name: _inverse(closing * regions[name]["nearest"]) for name in percept.quadrants
             },

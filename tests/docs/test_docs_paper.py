@@ -23,7 +23,7 @@ from navfw.camera_geometry.rotations import derotate
 from navfw.egomotion.pairing import camera_motion
 from navfw.mofis.mofis import DecisionInputs
 from navfw.numerics import Image
-from navfw.offis.percept_explanation import PerceptExplanation, with_front
+from navfw.offis.percept_explanation import PerceptExplanation
 from navfw.plugins import default_registry
 from navfw.signals import (
     Belief,
@@ -115,7 +115,9 @@ def said(percept: Percept) -> str:
     """The sentence with what Tab. 1 says of the front, and without the floor."""
     table = table_of(percept)
     front = max(table, key=table.__getitem__)
-    return with_front(percept.sentence.removesuffix("; Floor in front"), front)
+    clauses = percept.sentence.removesuffix("; Floor in front").split("; ")
+    named = front if front == "unknown" else f"a {front}"
+    return "; ".join([*clauses[:-1], f"Front is {named}"])
 
 
 def assert_equal(stack: Stack, moved: Moved, goal: tuple[float, float]) -> Any:

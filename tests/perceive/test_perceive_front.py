@@ -7,7 +7,6 @@ import pytest
 from offis_scenes import Scene, Wall, corridor, ideal_flow, wall_ahead
 
 from navfw.offis import Offis
-from navfw.offis.percept_explanation import with_front
 from navfw.perceive.pair_motion import ScaleEstimator
 from navfw.perceive.sentence_evidence import front_probabilities, probable_front
 from navfw.robot import RobotModel
@@ -50,9 +49,3 @@ def test_what_is_not_probable_enough_is_unknown() -> None:
     assert probable_front({}) == "unknown"
     assert probable_front({"open": 0.5, "corridor": 0.1, "wall": 0.3, "other": 0.1}) == "unknown"
     assert probable_front({"wall": 0.3, "other": 0.7}) == "unknown"
-
-
-def test_a_sentence_gets_another_front() -> None:
-    sentence = "Layer1: no object in sight; Front is a wall; Floor in front"
-    assert with_front(sentence, "open") == sentence.replace("a wall", "open")
-    assert with_front(sentence, "corridor") == sentence.replace("wall", "corridor")

@@ -1,5 +1,6 @@
-"""Words that hold still while evidence flickers, and change at once when something comes near."""
+"""Words by the evidence of half a second: held while it flickers, ended by contrary evidence."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -9,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navfw.offis import Offis
-from navfw.perceive.sentence_evidence import HeldWords
+from navfw.perceive.sentence_evidence import HELD, HeldWords, Statement
 from navfw.robot import RobotModel
 from navfw.signals import Label, Percept, Twist
 from navfw.testing.behavior_scenes import wall_flow
@@ -19,104 +20,149 @@ SEEN = Offis(ROBOT).perceive(wall_flow(ROBOT, 0.2, 0.8, 2.0, 0.5), Twist(0.3, 0.
 SEEN = replace(SEEN, label=np.full_like(SEEN.label, Label.UNKNOWN))
 TERMS = st.sampled_from(["near", "middle", "far"])
 QUADRANTS = ("P1", "P2", "P3", "P4")
+WALL, OPEN = {"wall": 0.9, "other": 0.1}, {"open": 0.9, "other": 0.1}
+Pair = tuple[Percept, Mapping[str, float]]
 
 
-def said(regions: dict[str, str] | None, front: str = "unknown", *, floor: bool = True) -> Percept:
-    """A percept whose nearest object is in ``regions``, None for unknown."""
+def said(
+    regions: dict[str, str] | None, front: Mapping[str, float] | None = None, *, floor: bool = True
+) -> Pair:
+    """A percept whose nearest object is in ``regions``, None for unknown, and its fronts."""
     parts = {f"s{name}{part}": term for name, term in (regions or {}).items() for part in "12"}
     layers: dict[str, Any] = {"layer1": regions or {}, "layer2": parts}
-    clauses = [f"Front is {front}", *(["Floor in front"] if floor else [])]
-    if regions is None:
-        clauses.append("Layer1: nearest object is unknown")
-    return replace(SEEN, obstacles=layers, sentence="; ".join(clauses))
+    sentence = "Layer1: nearest object is unknown" if regions is None else ""
+    degrees: Any = {
+        name: {term: float((regions or {}).get(name) == term) for term in ("near", "middle", "far")}
+        for name in QUADRANTS
+    }
+    percept = replace(SEEN, obstacles=layers, quadrants=degrees, sentence=sentence)
+    return replace(percept, floor_in_front=float(floor)), front or {}
 
 
-def last(held: HeldWords, *percepts: Percept | None) -> Percept:
-    """The percept that is held after these; None is a pair without a result."""
-    result = SEEN
-    for percept in percepts:
-        known = percept is not None
-        result = held.hold(said(None) if percept is None else percept, known=known)
-    return result
+def last(
+    held: HeldWords, *pairs: Pair | None, rate: float = 20.0, begin: float = 0.0
+) -> tuple[Percept, dict[str, Statement]]:
+    """The percept and the statements after these; None is a pair without a result."""
+    result: Percept = SEEN
+    statements: tuple[Statement, ...] = ()
+    for number, pair in enumerate(pairs):
+        percept, front = said(None, floor=False) if pair is None else pair
+        percept = replace(percept, time=begin + number / rate)
+        known, contact = pair is not None, 9.0
+        result, statements = held.hold(percept, front, contact, known=known)
+    return result, {one.what: one for one in statements}
 
 
 def test_a_word_of_one_pair_alone_is_not_said() -> None:
-    usual, other = said({"P2": "far"}, "a wall"), said({"P1": "far"}, "a corridor", floor=False)
-    result = last(HeldWords(), usual, usual, other)
+    usual, other = said({"P2": "far"}, WALL), said({"P1": "far"}, {"wall": 0.4, "open": 0.6})
+    result, of = last(HeldWords(), usual, usual, other)
     assert result.obstacles["layer1"] == {"P2": "far"}
-    assert "Front is a wall; Floor in front" in result.sentence
-    changed = last(HeldWords(), usual, other, other, other, other)
+    assert of["front"].says == "Front is a wall"
+    assert of["front"].probability == pytest.approx((0.9 + 0.9 + 0.4) / 3)
+    assert [of[what].age for what in ("nearest", "front", "floor")] == pytest.approx(
+        [0.05, 0.05, 0]
+    )
+    changed, _ = last(HeldWords(), usual, other, other, other, other)
     assert changed.obstacles["layer1"] == {"P1": "far"}
-    assert changed.sentence.endswith("Front is a corridor")
+
+
+def test_contrary_evidence_ends_a_word_at_once() -> None:
+    wall, free = said({}, WALL), said({}, OPEN)
+    assert "front" not in last(HeldWords(), wall, wall, wall, free)[1]
+    obstacle = SEEN.label.copy()
+    obstacle[:] = Label.OBSTACLE
+    percept, front = said({}, floor=False)
+    stands = replace(percept, label=obstacle), front
+    assert "floor" in last(HeldWords(), wall, said({}, floor=False))[1]
+    assert "floor" not in last(HeldWords(), wall, stands)[1]
+
+
+def test_nothing_is_open_shortly_before_a_contact() -> None:
+    held, (percept, front) = HeldWords(), said({}, OPEN)
+    assert held.hold(percept, front, 9.0, known=True)[1][1].says == "Front is open"
+    assert "open" not in held.hold(percept, front, 1.9, known=True)[0].sentence
 
 
 def test_what_comes_near_is_said_at_once() -> None:
     far = said({"P2": "far"})
-    result = last(HeldWords(), far, far, far, said({"P2": "far", "P4": "near"}))
+    result, _ = last(HeldWords(), far, far, far, said({"P2": "far", "P4": "near"}))
     assert result.obstacles["layer1"] == {"P2": "far", "P4": "near"}
     assert "in near distance" in result.sentence
-    nearer = last(HeldWords(), far, far, said({"P2": "near"}))
+    nearer, _ = last(HeldWords(), far, far, said({"P2": "near"}))
     assert nearer.obstacles["layer1"] == {"P2": "near"}
-    undecided = last(HeldWords(), far, said({"P1": "far"}), said({"P1": "middle"}))
-    assert undecided.obstacles["layer1"] == {"P1": "middle"}
+
+
+def test_distances_are_those_of_the_newest_pair() -> None:
+    far, middle = said({"P2": "far"}), said({"P2": "middle"})
+    result, _ = last(HeldWords(), far, far, far, middle)
+    assert result.obstacles["layer1"] == {"P2": "middle"}
+    assert result.obstacles["layer2"] == {"sP21": "middle", "sP22": "middle"}
+    assert "in middle distance" in result.sentence
 
 
 def test_regions_are_held_together_until_most_pairs_show_others() -> None:
-    held, one, both = HeldWords(), said({"P2": "far"}), said({"P2": "far", "P1": "far"})
-    # what is said of one region is true of a pair that shows another as well
-    assert last(held, one, one, one, both, both).obstacles["layer1"] == {"P2": "far"}
-    assert last(held, both, both).obstacles["layer1"] == {"P1": "far", "P2": "far"}
-    # an object that is gone is not said any more when three of five pairs lack it
-    none = said({})
-    assert last(held, none, none).obstacles["layer1"] == {"P1": "far", "P2": "far"}
-    assert last(held, none).obstacles["layer1"] == {}
+    one, both, none = said({"P2": "far"}), said({"P2": "far", "P1": "far"}), said({})
+    assert last(HeldWords(), one, one, one, both, both)[0].obstacles["layer1"] == {"P2": "far"}
+    pairs = (one, one, one, *[none] * 7)
+    assert last(HeldWords(), *pairs[:4])[0].obstacles["layer1"] == {"P2": "far"}
+    assert last(HeldWords(), *pairs)[0].obstacles["layer1"] == {}
 
 
 def test_no_object_is_held_where_the_floor_is_seen() -> None:
     near, label = said({"P2": "far", "P4": "near"}), SEEN.label.copy()
     rows, cols = label.shape
     label[rows // 2 :, cols // 2 :] = Label.FLOOR
-    floor = replace(said(None), label=label)
-    assert last(HeldWords(), near, floor).obstacles["layer1"] == {"P2": "far"}
-    assert last(HeldWords(), near, floor, said(None)).obstacles["layer1"] == {"P2": "far"}
-    stands = replace(near, label=label)
-    assert last(HeldWords(), near, stands).obstacles["layer1"] == {"P2": "far", "P4": "near"}
+    floor: Pair = replace(said(None)[0], label=label), {}
+    assert last(HeldWords(), near, floor)[0].obstacles["layer1"] == {"P2": "far"}
+    stands: Pair = replace(near[0], label=label), {}
+    assert last(HeldWords(), near, stands)[0].obstacles["layer1"] == {"P2": "far", "P4": "near"}
 
 
-def test_words_are_held_over_two_pairs_without_a_result_and_not_over_three() -> None:
-    wall = said({"P1": "middle"}, "a wall")
-    held = HeldWords()
-    assert "Front is a wall" in last(held, wall, wall, None, None).sentence
-    gone = last(held, None)
+@pytest.mark.parametrize("rate", [4.0, 10.0, 30.0])
+def test_words_without_evidence_end_after_half_a_second(rate: float) -> None:
+    wall, silent = said({"P1": "middle"}, WALL), round(HELD * rate)
+    _, of = last(HeldWords(), wall, *[None] * silent, rate=rate)
+    assert {what: one.age for what, one in of.items()} == pytest.approx(
+        dict.fromkeys(("nearest", "front", "floor"), silent / rate)
+    )
+    gone, none = last(HeldWords(), wall, *[None] * (silent + 1), rate=rate)
+    assert not none
     assert "nearest object is unknown" in gone.sentence
-    assert "Front is unknown" in gone.sentence
     assert gone.obstacles["layer1"] == {}
 
 
 def test_another_scene_begins_without_the_words_of_the_last() -> None:
     held = HeldWords()
-    last(held, said({"P1": "near"}, "a wall"), said({"P1": "near"}, "a wall"))
+    last(held, said({"P1": "near"}, WALL), said({"P1": "near"}, WALL))
     held.interrupt()
-    result = last(held, said({"P3": "far"}))
+    result, of = last(held, said({"P3": "far"}), begin=0.1)
     assert result.obstacles["layer1"] == {"P3": "far"}
-    assert "Front is unknown" in result.sentence
+    assert "front" not in of
 
 
 @given(
-    st.lists(st.none() | st.dictionaries(st.sampled_from(QUADRANTS), TERMS).map(said), max_size=12)
+    st.lists(st.none() | st.dictionaries(st.sampled_from(QUADRANTS), TERMS).map(said), max_size=12),
+    st.sampled_from([3.0, 20.0]),
 )
-def test_layers_never_contradict_each_other(percepts: list[Percept | None]) -> None:
+def test_sentence_layers_and_statements_never_contradict(
+    pairs: list[Pair | None], rate: float
+) -> None:
     held = HeldWords()
-    for percept in percepts:
-        result = last(held, percept)
+    for number, pair in enumerate(pairs):
+        result, of = last(held, pair, begin=number / rate)
         first, second = result.obstacles["layer1"], result.obstacles["layer2"]
         assert {name[1:3] for name in second} == set(first)
         assert all(first[name[1:3]] == term for name, term in second.items())
-        assert ("unknown" in result.sentence.split(";")[0]) <= (not first)
+        assert ("unknown" in result.sentence.split(";")[0]) == ("nearest" not in of)
+        for one in of.values():
+            assert one.says in result.sentence
+            assert 0.5 <= one.probability <= 1.0
+            assert 0.0 <= one.age <= HELD + 1e-6
 
 
 @pytest.mark.parametrize("known", [True, False])
 def test_the_figures_of_a_percept_stay(*, known: bool) -> None:
-    held = HeldWords().hold(said({"P1": "near"}), known=known)
+    percept, _ = said({"P1": "near"})
+    held, _ = HeldWords().hold(percept, {}, 9.0, known=known)
     assert np.array_equal(held.nearness, SEEN.nearness)
     assert held.situations == SEEN.situations

@@ -24,6 +24,7 @@ from navfw.perceive.pair_motion import PairMotion, ScaleEstimator
 from navfw.perceive.pair_result import PairResult
 from navfw.perceive.perceiver import NO_FLOOR, Perceiver
 from navfw.perceive.perceiver_options import PerceiverOptions, WorkingSize
+from navfw.perceive.sentence_evidence import Statement
 from navfw.plugins import default_registry
 from navfw.recording import run_folder
 from navfw.robot import RobotModel
@@ -180,6 +181,7 @@ def test_a_result_is_drawn_always_the_same(known: bool, digest: str) -> None:
         *(1, "a.png", "b.png", 0.4, motion, ScaleEstimator(0.3, 1.2).update(None), flow),
         percept=Offis(robot).perceive(flow, Twist(0.3, 0.0)),
         front={"wall": 0.9, "other": 0.1},
+        statements=(Statement("front", "Front is a corridor", 0.8, 0.3),),
         rotation_vector=np.zeros(3),
         focus=(170.0, 110.0) if known else None,
         focal=251.0,
