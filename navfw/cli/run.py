@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import time
 from dataclasses import dataclass, replace
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from navfw.cli import options
-from navfw.cli.output import NOT_SAVED, echo, quiet_stdout, show_result
+from navfw.cli.output import NOT_SAVED, echo, print_assumed, quiet_stdout, show_result
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.cli.recordings import VIDEO, write_video
 from navfw.cli.supervisor import PATIENCE, announce
@@ -24,6 +25,7 @@ from navfw.process.last_trace import ended_after
 from navfw.recording.run_folder import RunFolder, plain_json
 
 if TYPE_CHECKING:
+    from navfw.assumption import Assumption
     from navfw.missions.missionfile import Destination
     from navfw.missions.pilot import TickView
     from navfw.missions.session import MissionResult, Session
@@ -95,6 +97,12 @@ class RunOptions:
         ),
     ] = None
     robot: options.Robot = None
+    xacro_arg: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME:=VALUE", help="Of a xacro file as --robot: an argument. Repeatable."
+        ),
+    ] = None
     set_: Annotated[
         list[str] | None,
         typer.Option(
@@ -191,22 +199,25 @@ def _run(request: RunOptions) -> NoReturn:
     """Drive and hand over the result. No signal interrupts the printing."""
     with deferred():
         with quiet_stdout():
-            result, folder, missing = _drive(request)
+            result, folder, missing, assumed = _drive(request)
             where = None if folder is None else str(folder)
-            summary = plain_json({**result.summary(), "run_folder": where})
+            more = {"run_folder": where, "assumed": [one.as_data() for one in assumed]}
+            summary = plain_json({**result.summary(), **more})
         show_result(summary, missing, request.json)
         raise typer.Exit(NOT_SAVED if missing else result.exit_code)
 
 
-def _drive(request: RunOptions) -> tuple[MissionResult, Path | None, tuple[str, ...]]:
+def _drive(
+    request: RunOptions,
+) -> tuple[MissionResult, Path | None, tuple[str, ...], tuple[Assumption, ...]]:
     """Run the mission and write its folder, after all input has been checked.
 
-    Returns the result, the folder with it, None if it could not be written, and what is missing.
+    Returns the result, the folder with it, None if it could not be written, what is missing, and
+    what is assumed of the robot.
     """
     from navfw.missions.pilot import watcher_of
     from navfw.missions.run_report import RecordedFolder, default_folder, write_run
     from navfw.recording.video_output import check_video
-    from navfw.robot.urdf_measures import robot_notes
     from navfw.sim.engine import check_display
 
     mission = _target(request)
@@ -220,8 +231,7 @@ def _drive(request: RunOptions) -> tuple[MissionResult, Path | None, tuple[str, 
         check_video(request.video, VIDEO)
     with interruptible():  # up to here there is nothing to save
         session = _prepared(request, mission)
-        for note in () if request.quiet else robot_notes(session.mission.spec.robot):
-            echo(f"note: {note}", err=True)
+        assumed = _robot_assumed(session, quiet=request.quiet)
         compile_with_progress(loaded=True, quiet=request.quiet)
         server = _live(session, request) if request.live else None
     target = RunFolder(request.out or default_folder(session), numbered=request.out is None)
@@ -254,7 +264,20 @@ def _drive(request: RunOptions) -> tuple[MissionResult, Path | None, tuple[str, 
             raise
         missing = (str(error),)
     folder = target.path if target.final is None and target.kept else target.final
-    return result, folder, (*missing, *_write_video(request, target.final))
+    return result, folder, (*missing, *_write_video(request, target.final)), assumed
+
+
+def _robot_assumed(session: Session, *, quiet: bool) -> tuple[Assumption, ...]:
+    """What is assumed of the robot, printed with notes on it unless ``quiet``."""
+    from navfw.robot.urdf_measures import robot_assumed, robot_notes
+
+    robot = session.mission.spec.robot
+    assumed = robot_assumed(robot)
+    if not quiet:
+        print_assumed(assumed)
+        for note in robot_notes(robot):
+            echo(f"note: {note}", err=True)
+    return assumed
 
 
 def _write_maps(result: MissionResult, out_map: Path | None, kept_map: Path | None) -> None:
@@ -271,12 +294,14 @@ def _prepared(request: RunOptions, mission: str | Destination | None) -> Session
     """The session of the run, loaded and checked."""
     from navfw.missions.session_setup import prepare
 
+    args = json.dumps(request.xacro_arg)
+    xacro = [f"robot.urdf.args={args}"] if request.xacro_arg else []
     session = prepare(
         request.world,
         mission,
         seed=request.seed,
         stack=request.stack,
-        overrides=(*options.of_robot(request.robot), *(request.set_ or ())),
+        overrides=(*options.of_robot(request.robot), *xacro, *(request.set_ or ())),
     )
     check_interrupted()
     if request.out_map is not None and session.mission.spec.explore is None:

@@ -1,7 +1,6 @@
-"""Triangle meshes from files, of bounded size: furniture of a world, collision shapes to import.
+"""Triangle meshes from files, of bounded size: of furniture, robots, and worlds to import.
 
-``mesh_file`` reads all formats, and has sections and surfaces; ``furniture_meshes`` scales a mesh,
-or a URDF's shapes, to metres, and covers it with boxes for plans.
+``mesh_file`` reads all formats, and has sections and surfaces.
 """
 
 import lazy_loader

@@ -80,6 +80,9 @@ class DrivenUrdf(StrictModel):
             " the robot file; besides those of ROS_PACKAGE_PATH and AMENT_PREFIX_PATH",
         ),
     ] = ()
+    args: Annotated[
+        tuple[str, ...], Field(max_length=100, description="arguments of a xacro file, name:=value")
+    ] = ()
     left: Annotated[
         JointNames, Field(description="wheel joints of the left side; left out: by their places")
     ] = ()

@@ -98,7 +98,8 @@ def with_robot(mission: YamlDocument, folder: Path) -> YamlDocument:
     with mission.locating((_SECTION, "base"), key=_SECTION):
         file = find("robot", name, base=None if origin.option else folder)
     robot = _read(file)
-    validate(_measured(robot, ()), RobotSpec)
+    if file.suffix not in URDF_SUFFIXES:  # a URDF alone may need what the mission changes
+        validate(_measured(robot, ()), RobotSpec)
     changes = {key: value for key, value in section.items() if key != "base"}
     located = _located(_with(mission, changes), (_SECTION,), folder)
     return _measured(layered(_as_section(robot), located), (_SECTION,))
@@ -120,11 +121,11 @@ def _measured(document: YamlDocument, at: KeyPath) -> YamlDocument:
     """``document`` on top of what the URDF of its part ``at`` says of the robot."""
     part = document.at((*at, _URDF[0]))
     file = part.get(_URDF[1]) if isinstance(part, dict) else None
-    packages = part.get(_PACKAGES[1]) or [] if isinstance(part, dict) else []
-    if not isinstance(file, str) or not isinstance(packages, list):
+    lists = [part.get(key) or [] for key in ("packages", "args")] if isinstance(file, str) else []
+    if not isinstance(file, str) or not all(isinstance(names, list) for names in lists):
         return document
     with document.locating((*at, *_URDF), key=key_text(_URDF)):
-        model = read_urdf(Path(file), tuple(map(str, packages)))
+        model = read_urdf(Path(file), *(tuple(map(str, names)) for names in lists))
         radius = document.at((*at, "wheel_radius"))
         lower: Data = measured(model, {**part, "wheel_radius": radius})
     for step in reversed(at):

@@ -14,8 +14,10 @@ from navfw.config.yaml_text import KeyPath, key_text
 from navfw.errors import ConfigError, UnknownNameError
 from navfw.numerics import Array
 from navfw.numerics.products import product
-from navfw.robot import CameraModel, DrivenUrdf, RobotModel
-from navfw.robot.urdf import UrdfModel, read_urdf
+from navfw.robot import DrivenUrdf, RobotModel
+from navfw.robot.urdf import read_urdf
+from navfw.robot.urdf_camera import mounted
+from navfw.robot.urdf_model import UrdfModel
 
 ACROSS = 0.99  # chosen
 """Least absolute component of a wheel joint's unit axis to the side of the body."""
@@ -41,6 +43,11 @@ class UrdfDrive:
     model: UrdfModel
 
 
+def model_of(urdf: DrivenUrdf) -> UrdfModel:
+    """Read the URDF of a robot; see ``read_urdf``."""
+    return read_urdf(Path(urdf.file), urdf.packages, urdf.args)
+
+
 def with_urdf(robot: RobotModel, document: YamlDocument, at: KeyPath = ()) -> RobotModel:
     """Check ``robot``, read from part ``at`` of the document, against its URDF; mount its camera.
 
@@ -55,11 +62,11 @@ def with_urdf(robot: RobotModel, document: YamlDocument, at: KeyPath = ()) -> Ro
     if robot.footprint is None:
         with _place(document, at, "urdf"):
             raise ConfigError(
-                "a body with a URDF whose collision shapes are meshes, or none, needs a footprint:"
+                "a body with a URDF without collision shapes and visuals needs a footprint:"
                 " {front, rear, width} [m]"
             )
     with _place(document, at, "urdf", "file"):
-        model = read_urdf(Path(urdf.file), urdf.packages)
+        model = model_of(urdf)
     _check_wheels(urdf, robot.wheel_radius, model, document, at)
     for index, name in enumerate(urdf.casters):
         if name not in model.joints:
@@ -70,8 +77,9 @@ def with_urdf(robot: RobotModel, document: YamlDocument, at: KeyPath = ()) -> Ro
     if urdf.camera not in model.links:
         with _place(document, at, "urdf", "camera"):
             raise UnknownNameError("link of the URDF", urdf.camera, model.links)
-    origin = urdf_drive(robot, model).origin
-    return robot.model_copy(update={"camera": _mounted(robot.camera, model, urdf.camera, origin)})
+    with _place(document, at, "urdf", "camera"):
+        camera = mounted(robot.camera, model, urdf.camera, urdf_drive(robot, model).origin)
+    return robot.model_copy(update={"camera": camera})
 
 
 def urdf_drive(robot: RobotModel, model: UrdfModel | None = None) -> UrdfDrive:
@@ -79,7 +87,7 @@ def urdf_drive(robot: RobotModel, model: UrdfModel | None = None) -> UrdfDrive:
     urdf = robot.urdf
     if urdf is None:
         raise ValueError("the robot has no URDF")
-    model = read_urdf(Path(urdf.file), urdf.packages) if model is None else model
+    model = model_of(urdf) if model is None else model
     wheels = (*urdf.left, *urdf.right)
     frames = [model.frame_of(model.joints[name].child) for name in wheels]
     centres = np.array([frame[:3, 3] for frame in frames])
@@ -129,19 +137,11 @@ def _check_wheels(
 
 def axis_across(model: UrdfModel, joint: str) -> float:
     """Return the leftward component of a joint's unit axis in the root link, -1 to 1."""
+    return float(axis_of(model, joint)[1])
+
+
+def axis_of(model: UrdfModel, joint: str) -> Array:
+    """Return a joint's unit axis (3,) in the root link."""
     wheel = model.joints[joint]
-    axis = product(model.frame_of(wheel.child)[:3, :3], wheel.axis)
-    return float(axis[1] / max(math.hypot(*axis), 1e-9))
-
-
-def _mounted(camera: CameraModel, model: UrdfModel, link: str, origin: Array) -> CameraModel:
-    """``camera`` at ``link``; what the robot's file says of mount and pitch takes precedence."""
-    frame = model.frame_of(link)
-    ahead = frame[:3, 0]
-    mount = {
-        "mount_forward": float(frame[0, 3] - origin[0]),
-        "mount_height": float(frame[2, 3] - origin[2]),
-        "pitch": math.asin(min(max(float(-ahead[2]), -1.0), 1.0)),
-    }
-    from_file = {name: getattr(camera, name) for name in camera.model_fields_set}
-    return camera.model_copy(update=mount | from_file)
+    axis: Array = product(model.frame_of(wheel.child)[:3, :3], wheel.axis)
+    return axis / max(math.hypot(*axis), 1e-9)

@@ -16,21 +16,24 @@ from typing import Any
 
 import numpy as np
 
-from navfw.config.foreign_files import line_of
+from navfw.assumption import Assumption
 from navfw.config.input_file import shown_path
 from navfw.errors import ConfigError
 from navfw.numerics import Array
 from navfw.numerics.products import product, sum_in_order
-from navfw.robot import CameraModel, RobotModel
-from navfw.robot.urdf import (
+from navfw.robot import CameraModel, DrivenUrdf, RobotModel
+from navfw.robot.urdf_camera import camera_assumed, camera_of
+from navfw.robot.urdf_drive import ACROSS, axis_across, axis_of, model_of, urdf_drive
+from navfw.robot.urdf_meshes import mesh_corners
+from navfw.robot.urdf_model import (
+    MOMENTS,
     UrdfCollision,
     UrdfJoint,
     UrdfModel,
     attribute_numbers,
     origin_frame,
-    read_urdf,
+    urdf_error,
 )
-from navfw.robot.urdf_drive import ACROSS, axis_across
 
 _DENSITY = 1000.0  # derived
 """Density [kg/m^3] of the cube that stands for a link without a shape: that of water."""
@@ -46,13 +49,11 @@ not matter, as a part of the robot's mass times its squared size."""
 _ROUNDING = 1.02  # derived
 """Largest principal moment over the sum of the others, which it cannot exceed but by rounding."""
 
-_MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-
 
 def impossible_inertias(
     robot: RobotModel, model: UrdfModel
-) -> dict[str, tuple[str, tuple[float, ...]]]:
-    """Find links whose inertia no body can have; return by link a note and the moments of a box.
+) -> dict[str, tuple[Assumption, tuple[float, ...]]]:
+    """Find links whose inertia no body can have, or that have none; return the moments of a box.
 
     A principal moment is not positive, exceeds the sum of the others, or is too large or too small
     for mass and collision shapes. The box [kg m^2, about x, y, z] has the link's mass and size.
@@ -65,15 +66,13 @@ def impossible_inertias(
     total = sum_in_order(mass for mass, _ in model.inertials.values())
     impossible = {}
     for link, (mass, inertial) in model.inertials.items():
-        element = inertial.find("inertia")
-        if element is None:
-            continue
-        moments = (attribute_numbers(model.file, element, key, [0.0])[0] for key in _MOMENTS)
+        element = next(inertial.iter("inertia"))
+        moments = [attribute_numbers(model.file, element, key, [0.0])[0] for key in MOMENTS]
         xx, yy, zz, xy, xz, yz = moments
         matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         low, middle, high = np.linalg.eigvalsh(matrix).tolist()
         size, reach = np.full(3, (mass / _DENSITY) ** (1.0 / 3.0)), _WIDE_ROOM * extent
-        shapes = _extent((c, c.frame) for c in model.collisions if c.link == link)
+        shapes = _extent(model, ((c, c.frame) for c in model.collisions if c.link == link))
         if shapes is not None:
             centre = origin_frame(model.file, inertial.find("origin"))[:3, 3]
             size = shapes[1] - shapes[0]
@@ -84,22 +83,24 @@ def impossible_inertias(
         if closed and high <= max(mass * reach**2, _NEGLIGIBLE * total * extent**2):
             continue
         have, would = (", ".join(f"{m:.2g}" for m in ms) for ms in ((low, middle, high), box))
-        note = (
-            f"{shown_path(model.file)}:{line_of(element)}: link {link!r}: no body of {mass:g} kg"
-            f" and its size has the principal moments {have} kg m^2; driven with those of a box,"
-            f" ixx, iyy, izz = {would}"
-        )
-        impossible[link] = note, box
+        reason = f"no body of {mass:g} kg and its size has the principal moments {have} kg m^2"
+        what = f"{urdf_error(model.file, element, f'inertia of link {link!r}')}"
+        taken = f"that of a box, ixx, iyy, izz = {would}"
+        reason = reason if any(moments) else "the file gives none"
+        impossible[link] = Assumption(what, taken, reason), box
     return impossible
 
 
-_SENSORS = ("camera", "depth", "rgbd_camera")
-"""Types of Gazebo's sensors that give images, by preference."""
 _SKID = {"side_friction": 0.2, "skid": 0.08}  # measured
 """What a body with two or more wheels on a side gets: the figures measured for Husky."""
 _DIFFERENT = 0.02  # chosen
 """Share by which a value of the robot file differs from the URDF's before it is told."""
 _PLACES = 6  # chosen
+_OFF_THE_FLOOR = 0.03  # chosen
+"""Height [m] above the lowest wheel up to which another wheel, or a caster, is on the floor."""
+_FIXED = "is fixed"
+_TURNING = ("continuous", "revolute")
+"""Types of joints that steer what hangs on them."""
 
 
 def measured(model: UrdfModel, said: dict[str, Any]) -> dict[str, Any]:
@@ -114,25 +115,25 @@ def measured(model: UrdfModel, said: dict[str, Any]) -> dict[str, Any]:
     if len(wheels) < len(left) + len(right):
         return {}  # the check of the named wheels says what is wrong
     centres = np.array([model.frame_of(wheel.child)[:3, 3] for wheel in wheels])
-    radius = next((r for wheel in wheels if (r := model.wheel_radii.get(wheel.child))), None)
+    radius = next((r for wheel in wheels if (r := _radius(model, wheel))), None)
     urdf: dict[str, Any] = {"left": left, "right": right, "casters": _casters(model, wheels)}
     values: dict[str, Any] = {"urdf": urdf}
     if len(left) > 1:
         urdf["side_friction"], values["skid"] = _SKID["side_friction"], _SKID["skid"]
     track = centres[: len(left), 1].mean() - centres[len(left) :, 1].mean()
     values["track"] = round(float(track), _PLACES)
-    camera, link = _camera(model)
+    camera, link = camera_of(model)
     values["camera"] = camera
     if link is not None:
         urdf["camera"] = link
     if radius is None:
         return values
-    values["wheel_radius"] = radius
+    values["wheel_radius"] = round(radius, _PLACES)
     ahead = float(said.get("turning_point") or 0.0)
     middle = centres[:, :2].mean(axis=0)
     floor = float(centres[:, 2].min()) - float(said.get("wheel_radius") or radius)
     shapes = ((c, product(model.frame_of(c.link), c.frame)) for c in model.collisions)
-    extent = _extent(shapes)
+    extent = _extent(model, shapes)
     if extent is not None:
         low, high = extent - np.array([middle[0] + ahead, middle[1], floor])
         width = 2.0 * max(-low[1], high[1])
@@ -148,108 +149,156 @@ def measured(model: UrdfModel, said: dict[str, Any]) -> dict[str, Any]:
 
 
 def _sides(model: UrdfModel, said: dict[str, Any]) -> tuple[list[str], list[str]]:
-    """The wheel joints, left and right: those named, or all pairs that nothing movable carries."""
+    """The wheel joints, left and right: those named, or all pairs on the floor."""
     if said.get("left") and said.get("right"):
         return list(said["left"]), list(said["right"])
-    wheels = [
-        joint
-        for joint in model.joints.values()
-        if _rolls(model, joint) and not any(above.movable for above in model.above(joint.parent))
-    ]
-    at = {joint.name: float(model.frame_of(joint.child)[1, 3]) for joint in wheels}
+    why = {joint.name: _no_wheel(model, joint) for joint in model.joints.values()}
+    wheels = [model.joints[name] for name, reason in why.items() if not reason]
+    low = {wheel.name: _lowest(model, wheel.child) for wheel in wheels}
+    floor = min(low.values(), default=0.0) + _OFF_THE_FLOOR
+    at = {w.name: model.frame_of(w.child)[1, 3] for w in wheels if low[w.name] <= floor}
     middle = sum(at.values()) / max(len(at), 1)
     left = [name for name, y in at.items() if y > middle + 1e-3]
     right = [name for name, y in at.items() if y < middle - 1e-3]
     if not left or len(left) != len(right):
+        joints = [f"{name!r} {why[name] or 'is a wheel'}" for name in why if why[name] != _FIXED]
         raise ConfigError(
-            f"has no wheels in pairs, but {sorted(at) or 'no continuous joint across the body'}:"
-            " name them in a robot file with urdf: {file, left, right}",
+            f"has no wheels in pairs left and right: {'; '.join(joints) or 'all joints are fixed'};"
+            " make theirs continuous, or name them in a robot file with urdf: {file, left, right}",
             file=shown_path(model.file),
         )
     return left, right
 
 
+def _no_wheel(model: UrdfModel, joint: UrdfJoint) -> str:
+    """Why a joint moves no wheel that drives; "" if it may."""
+    if joint.kind != "continuous":
+        return _FIXED if joint.kind == "fixed" else f"is {joint.kind} with limits"
+    if abs(axis_across(model, joint.name)) < ACROSS:
+        return "has an axis that is not across the body, of which x is ahead"
+    carrier = next((a for a in model.above(joint.parent) if a.kind in _TURNING), None)
+    return f"hangs on {carrier.name!r}, which turns" if carrier else ""
+
+
 def _casters(model: UrdfModel, wheels: list[UrdfJoint]) -> list[str]:
-    """Joints called casters, and of the other wheels and their swivels."""
-    names = {wheel.name for wheel in wheels}
-    return [
-        joint.name
-        for joint in model.joints.values()
-        if joint.name not in names
-        and (re.search("cast[eo]r", f"{joint.name} {joint.child}".lower()) or _rolls(model, joint))
-    ]
+    """Joints called casters, those of the other wheels and of balls on the floor, and swivels."""
+    driven = {wheel.name for wheel in wheels}
+    floor = min(_lowest(model, wheel.child) for wheel in wheels) + _OFF_THE_FLOOR
+    low = {link for link in model.links if _lowest(model, link) <= floor}
+    carriers = {joint.name for link in low for joint in model.above(link)}
+    balls = {c.link for c in model.collisions if c.shape.tag == "sphere"} & low
+    casters = []
+    for joint in model.joints.values():
+        named = re.search("cast[eo]r", f"{joint.name} {joint.child}".lower())
+        turns = joint.kind == "continuous" and joint.name in carriers
+        axis = np.abs(axis_of(model, joint.name))
+        rolls_or_swivels = turns and max(axis[1], axis[2]) >= ACROSS
+        if joint.name not in driven and (named or rolls_or_swivels or joint.child in balls):
+            casters.append(joint.name)
+    return casters
 
 
-def _rolls(model: UrdfModel, joint: UrdfJoint) -> bool:
-    """Whether the joint turns without end about an axis across the body."""
-    return joint.kind == "continuous" and abs(axis_across(model, joint.name)) >= ACROSS
+def _lowest(model: UrdfModel, link: str) -> float:
+    """Height [m] of the lowest point of a link's shapes in the root link; of its origin if none."""
+    frame = model.frame_of(link)
+    shapes = ((c, product(frame, c.frame)) for c in model.collisions if c.link == link)
+    extent = _extent(model, shapes)
+    return float(frame[2, 3] if extent is None else extent[0][2])
 
 
-def _extent(shapes: Iterable[tuple[UrdfCollision, Array]]) -> tuple[Array, Array] | None:
-    """Least and greatest (3,) [m] of shapes at frames (4, 4); None without any, or with a mesh."""
+def _radius(model: UrdfModel, wheel: UrdfJoint) -> float | None:
+    """Radius [m] of a wheel; where its shape is a mesh, the largest distance from its axis."""
+    radius = model.wheel_radii.get(wheel.child)
+    meshes = [c for c in model.collisions if c.link == wheel.child and c.size is None]
+    if radius or not meshes:
+        return radius
+    axis = wheel.axis / math.hypot(*wheel.axis)
+    corners = np.concatenate([_points(mesh_corners(model, c), c.frame) for c in meshes])
+    across = corners - product(corners, axis)[:, None] * axis
+    return float(np.linalg.norm(across, axis=1).max())
+
+
+def _points(corners: Array, frame: Array) -> Array:
+    """Points (N, 3) [m] at ``frame`` (4, 4)."""
+    points: Array = product(corners, frame[:3, :3].T) + frame[:3, 3]
+    return points
+
+
+def _extent(
+    model: UrdfModel, shapes: Iterable[tuple[UrdfCollision, Array]]
+) -> tuple[Array, Array] | None:
+    """Least and greatest (3,) [m] of shapes at frames (4, 4); None without any."""
     lows, highs = [], []
     for collision, frame in shapes:
+        turn, centre = frame[:3, :3], frame[:3, 3]
         if collision.size is None:
-            return None
-        turn, half = frame[:3, :3], 0.5 * collision.size
-        if collision.shape.tag == "box":
-            reach = product(np.abs(turn), half)
+            points = _points(mesh_corners(model, collision), frame)
+            low, high = points.min(axis=0), points.max(axis=0)
+            centre, reach = 0.5 * (low + high), 0.5 * (high - low)
+        elif collision.shape.tag == "box":
+            reach = product(np.abs(turn), 0.5 * collision.size)
         elif collision.shape.tag == "cylinder":
             across = np.sqrt(np.maximum(1.0 - np.square(turn[:, 2]), 0.0))
-            reach = half[2] * np.abs(turn[:, 2]) + collision.radius * across
+            reach = 0.5 * collision.size[2] * np.abs(turn[:, 2]) + collision.radius * across
         else:
-            reach = np.full(3, collision.radius)
-        lows.append(frame[:3, 3] - reach)
-        highs.append(frame[:3, 3] + reach)
+            straight = 0.5 * collision.size[2] - collision.radius
+            reach = straight * np.abs(turn[:, 2]) + collision.radius
+        lows.append(centre - reach)
+        highs.append(centre + reach)
     return (np.min(lows, axis=0), np.max(highs, axis=0)) if lows else None
 
 
-def _camera(model: UrdfModel) -> tuple[dict[str, Any], str | None]:
-    """Keys of the camera by Gazebo's first sensor with images, and the link that it is at."""
-    sensors = [
-        (gazebo.get("reference", ""), sensor)
-        for kind in _SENSORS
-        for gazebo in model.root.iterfind("gazebo")
-        for sensor in gazebo.iterfind(f"sensor[@type='{kind}']")
-    ]
-    if not sensors:
-        names = (n for n in model.links if "camera" in n.lower() and "optical" not in n.lower())
-        return {}, next(names, None)
-    link, sensor = sensors[0]
-    keys = {
-        "hfov": "camera/horizontal_fov",
-        "width": "camera/image/width",
-        "height": "camera/image/height",
-        "rate": "update_rate",
-    }
-    read: dict[str, Any] = {}
-    for key, place in keys.items():
-        text = (sensor.findtext(place) or "").strip()
-        if re.fullmatch(r"[0-9]+\.?[0-9]*", text):
-            read[key] = int(text) if key in {"width", "height"} else float(text)
-    return read, link if link in model.links else None
-
-
 def robot_notes(robot: RobotModel) -> tuple[str, ...]:
-    """Return notes on a checked robot: impossible inertias, values other than its URDF's."""
+    """Return where the values of a checked robot are other than its URDF's."""
     urdf = robot.urdf
     if urdf is None:
         return ()
-    file = Path(urdf.file)
-    model = read_urdf(file, urdf.packages)
-    said = urdf.model_dump() | {"wheel_radius": robot.wheel_radius}
-    read = measured(model, said)
     own = robot.model_dump()
-    notes = [
-        f"{shown_path(file)}: {key} is {value:g}, the robot has {other:g}"
-        for key, value, other in _pairs("", read, own)
+    return tuple(
+        f"{shown_path(Path(urdf.file))}: {key} is {value:g}, the robot has {other:g}"
+        for key, value, other in _pairs("", _read(robot, urdf, model_of(urdf)), own)
         if abs(value - other) > _DIFFERENT * max(abs(value), abs(other))
         and not (key == "camera.hfov" and robot.camera.calibration)
+    )
+
+
+def robot_assumed(robot: RobotModel) -> tuple[Assumption, ...]:
+    """Return what is taken of a checked robot that its URDF does not say, or says impossibly."""
+    urdf = robot.urdf
+    if urdf is None:
+        return ()
+    model = model_of(urdf)
+    turning = [name for name in (*urdf.left, *urdf.right, *urdf.casters) if name in model.unlimited]
+    assumed = [
+        *(assumption for assumption, _ in impossible_inertias(robot, model).values()),
+        *(Assumption(f"joint {name!r}", "turns without end", _NO_LIMIT) for name in turning),
     ]
-    if urdf.camera is None and not {"mount_height"} & robot.camera.model_fields_set:
-        height = robot.camera.mount_height
-        notes.append(f"{shown_path(file)} has no camera: taken to be {height:g} m above the floor")
-    return (*(note for note, _ in impossible_inertias(robot, model).values()), *notes)
+    if model.seen:
+        links = ", ".join(dict.fromkeys(model.seen))
+        assumed += [Assumption(f"shapes of {links}", "what is seen", "nothing of them collides")]
+    collisions = model.collisions
+    meshes = list(dict.fromkeys(c.shape.get("filename", "") for c in collisions if c.size is None))
+    footprint = robot.footprint
+    if meshes and footprint and _read(robot, urdf, model).get("footprint") == dict(footprint):
+        size = f"{footprint.front + footprint.rear:.3g} x {footprint.width:.3g} m"
+        others = f" and {len(meshes) - 1} other meshes" * (len(meshes) > 1)
+        reason = f"the extent of its shapes, {Path(meshes[0]).name}{others}"
+        assumed += [Assumption("footprint", size, reason, "footprint")]
+    if urdf.camera is not None:
+        assumed += camera_assumed(model, urdf.camera, urdf_drive(robot, model).origin)
+    elif not {"mount_height"} & robot.camera.model_fields_set:
+        taken = f"{robot.camera.mount_height:g} m above the floor"
+        reason = f"{shown_path(Path(urdf.file))} has none"
+        assumed += [Assumption("camera", taken, reason, "camera.mount_height")]
+    return tuple(assumed)
+
+
+_NO_LIMIT = "its limits allow more than a turn, or it has none"
+
+
+def _read(robot: RobotModel, urdf: DrivenUrdf, model: UrdfModel) -> dict[str, Any]:
+    """What the URDF says of the robot."""
+    return measured(model, urdf.model_dump() | {"wheel_radius": robot.wheel_radius})
 
 
 def _pairs(at: str, read: dict[str, Any], own: dict[str, Any]) -> list[tuple[str, float, float]]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import ast
 import contextlib
 import json
+import re
 import resource
 import subprocess
 import sys
@@ -27,7 +28,7 @@ from navfw.config.input_file import (
     trace_input,
 )
 from navfw.config.lookup import package_folders
-from navfw.errors import ConfigError
+from navfw.errors import ConfigError, did_you_mean
 
 _SECONDS = 20  # measured
 """Longest time that an expansion takes [s]; that of a big robot takes 2 s."""
@@ -38,15 +39,20 @@ _ALLOWED = (
     *(ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare, ast.IfExp, ast.Call, ast.keyword),
     *(ast.List, ast.Tuple, ast.Dict, ast.operator, ast.unaryop, ast.boolop, ast.cmpop),
 )
+_ARG = r"(?:\$\(arg\s+|\barg\([\"'])([\w.-]+)"
+"""Where a file uses an argument."""
+_UNDEFINED = "Undefined substitution argument"
+"""What xacro says of an argument without a value."""
 _REFUSED = {"format", "format_map"}
 """Methods that reach any attribute by its name."""
 
 
 @cached_by_files(16)
-def expand_xacro(path: Path, packages: tuple[str, ...]) -> bytes:
+def expand_xacro(path: Path, packages: tuple[str, ...], args: tuple[str, ...] = ()) -> bytes:
     """Expand the xacro file at ``path`` to a URDF; ``packages`` are folders with packages of ROS.
 
-    It is expanded again only when one of its files has changed.
+    ``args`` are its arguments, each ``name:=value``. It is expanded again only when one of its
+    files has changed.
 
     Raises:
         ConfigError: the file cannot be read or expanded, or has an expression that is refused.
@@ -54,9 +60,18 @@ def expand_xacro(path: Path, packages: tuple[str, ...]) -> bytes:
 
     """
     read_input(path)
+    values = {}
+    for arg in args:
+        name, is_one, value = arg.partition(":=")
+        if not is_one:
+            raise ConfigError(
+                f"expected an argument NAME:=VALUE, got {arg!r}", file=shown_path(path)
+            )
+        values[name.strip()] = value.strip()
     require_extra("xacro", "xacrodoc", key=path.name)
     # -P: no module of the working folder
-    words = [sys.executable, "-P", "-m", __name__, str(path.absolute()), *packages]
+    words = [sys.executable, "-P", "-m", __name__, str(path.absolute())]
+    words += [json.dumps(values), *packages]
     try:
         # S603: fixed words and paths, no shell
         done = subprocess.run(words, capture_output=True, timeout=_SECONDS, check=False)  # noqa: S603
@@ -65,6 +80,8 @@ def expand_xacro(path: Path, packages: tuple[str, ...]) -> bytes:
         answer = {}
     if "text" not in answer or len(answer["text"]) > MAX_TEXT:
         reason = answer.get("error", f"takes more than {_SECONDS} s, or too much memory")
+        if _UNDEFINED in reason:
+            reason += "; give --xacro-arg NAME:=VALUE, or urdf.args in a robot file"
         raise ConfigError(f"xacro: {reason}", file=shown_path(path))
     trace_input(*answer["files"])
     return str(answer["text"]).encode()
@@ -83,7 +100,7 @@ def _check_expression(text: str) -> None:
             raise ValueError(f"{name or type(node).__name__} is not allowed in {text.strip()!r}")
 
 
-def _expanded(path: str, packages: list[str]) -> dict[str, Any]:
+def _expanded(path: str, args: dict[str, str], packages: list[str]) -> dict[str, Any]:
     """What the process answers: the text and the files read, or the error."""
     import xacro
     from xacro import substitution_args
@@ -102,7 +119,9 @@ def _expanded(path: str, packages: list[str]) -> dict[str, Any]:
         for folder in package_folders(package, map(Path, packages)):
             if folder.is_dir():
                 return str(folder)
-        raise ValueError(f"package {package!r} not found: name its folder in urdf.packages")
+        raise ValueError(
+            f"package {package!r} not found: name its folder in urdf.packages or ROS_PACKAGE_PATH"
+        )
 
     xacro.open = lambda name: StringIO(read_input_text(name))
     xacro.init_stacks(path)  # what is named without folder lies beside the file
@@ -111,17 +130,23 @@ def _expanded(path: str, packages: list[str]) -> dict[str, Any]:
     substitution_args._eval_find = folder_of
     xacro._global_symbols.pop("python")
     try:
-        document = XacroDoc.from_file(path, walk_up=False, resolve_packages=False)
-        return {"text": document.dom.toxml(), "files": [str(file) for file in xacro.all_includes]}
+        document = XacroDoc.from_file(path, subargs=args, walk_up=False, resolve_packages=False)
+        files = [str(file) for file in xacro.all_includes]
+        known = re.findall(_ARG, "".join(read_input_text(file) for file in {path, *files}))
+        for name in sorted(args.keys() - set(known)):
+            raise ValueError(f"it uses no argument {name!r}; {did_you_mean(name, known)}")
+        return {"text": document.dom.toxml(), "files": files}
     except (Exception, RecursionError) as error:  # of a library: all that it raises
-        return {"error": " ".join(str(error).split())[:300] or type(error).__name__}
+        cause, text = str(getattr(error, "exc", "")), str(error)
+        text = cause if cause and text.count(cause) > 1 else text  # xacro says it twice
+        return {"error": " ".join(text.split())[:300] or type(error).__name__}
 
 
 def main() -> None:
-    """Expand the file named by the first argument; the others are folders with packages."""
+    """Expand the file named by the first argument; then its arguments, folders with packages."""
     resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
     with contextlib.redirect_stdout(sys.stderr):
-        answer = _expanded(sys.argv[1], sys.argv[2:])
+        answer = _expanded(sys.argv[1], json.loads(sys.argv[2]), sys.argv[3:])
     sys.stdout.write(json.dumps(answer))
 
 

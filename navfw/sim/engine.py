@@ -28,10 +28,16 @@ from navfw.sim.textured_mesh import TexturedMesh
 
 
 @contextmanager
-def quiet_output() -> Iterator[None]:
-    """Discard what C code prints meanwhile: only redirecting the descriptors suppresses it."""
-    with Path(os.devnull).open("wb") as nowhere, redirected(nowhere.fileno(), 1, 2):
-        yield
+def quiet_output(into: Path = Path(os.devnull)) -> Iterator[None]:
+    """Discard what C code prints meanwhile, or write it to the file ``into``.
+
+    Only redirecting the descriptors suppresses it.
+    """
+    with into.open("wb") as stream, redirected(stream.fileno(), 1, 2):
+        try:
+            yield
+        finally:
+            ctypes.CDLL(None).fflush(None)
 
 
 with extra_imports("sim"), quiet_output():  # of the banner

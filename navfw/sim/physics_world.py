@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from navfw.meshes.furniture_meshes import furniture_mesh
 from navfw.sim.engine import BulletClient, bullet, quaternion
+from navfw.sim.furniture_meshes import furniture_mesh
 from navfw.sim.scenery import Scenery
 from navfw.sim.shapes import Rectangle
 from navfw.sim.solids import Solid, floor_pieces, solids_of, treads_of

@@ -13,20 +13,22 @@ inertia get next to none, where PyBullet would assume 1 kg; impossible ones get 
 from __future__ import annotations
 
 import math
+import re
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import partial
 
 import numpy as np
 
-from navfw.errors import SimulationError
+from navfw.config.input_file import shown_path
+from navfw.errors import ConfigError
 from navfw.numerics import Array
 from navfw.numerics.products import product, sum_in_order
 from navfw.process.atomic import scratch_folder
 from navfw.robot import DrivenUrdf, RobotModel
-from navfw.robot.urdf import loadable_urdf
 from navfw.robot.urdf_drive import UrdfDrive, urdf_drive
 from navfw.robot.urdf_measures import impossible_inertias
+from navfw.robot.urdf_meshes import loadable_urdf
 from navfw.signals import Pose, wrap_angle
 from navfw.sim.engine import BulletClient, bullet, quaternion, quiet_output
 from navfw.sim.physics_world import BODY_GROUP, FLOOR_GROUP, SOLID_GROUP, WHEEL_GROUP
@@ -249,6 +251,8 @@ _NO_MASS = 1e-3
 """Mass of a link without inertia [kg]; PyBullet takes one without mass for fixed to the world."""
 _NO_INERTIA = 1e-6
 """Its moments of inertia [kg m^2]."""
+_BULLET_ERROR = r"b3Error\[[^\]]*\]:\s*(.*?)\s*(?=b3(?:Error|Warning)\[|$)"
+"""What PyBullet prints of an error."""
 _HOLDING = 50.0
 """Torque limit of joints that are held [N m], or force limit [N]."""
 
@@ -285,13 +289,19 @@ class UrdfBody(WheeledBody):
         x, y = start.to_parent(-float(drive.origin[0]), -float(drive.origin[1]))
         flags = bullet.URDF_USE_INERTIA_FROM_FILE
         at = [x, y, -float(drive.origin[2])]
-        try:
-            # PyBullet prints a warning for every link without inertia
-            with scratch_folder("robot") as folder, quiet_output():
-                loaded = str(loadable_urdf(drive.model, folder))
-                return int(self._call("loadURDF", loaded, at, quaternion(start.yaw), flags=flags))
-        except bullet.error as error:
-            raise SimulationError(f"PyBullet cannot load {drive.model.file}: {error}") from None
+        with scratch_folder("robot") as folder:
+            loaded, printed = str(loadable_urdf(drive.model, folder)), folder / "printed"
+            try:
+                with quiet_output(printed):
+                    return int(
+                        self._call("loadURDF", loaded, at, quaternion(start.yaw), flags=flags)
+                    )
+            except bullet.error:
+                text = printed.read_text("utf-8", "replace")
+                said = " ".join(re.findall(_BULLET_ERROR, text, re.DOTALL)) or "it says no reason"
+                raise ConfigError(
+                    f"PyBullet cannot load it: {said}", file=shown_path(drive.model.file)
+                ) from None
 
     def _names(self) -> tuple[dict[str, int], dict[str, int]]:
         """PyBullet's indices of joints and of links by their names in the file."""
@@ -309,7 +319,7 @@ class UrdfBody(WheeledBody):
         joints: dict[str, int],
         links: dict[str, int],
         wheels: list[int],
-        boxes: dict[str, tuple[str, tuple[float, ...]]],
+        boxes: Mapping[str, tuple[object, tuple[float, ...]]],
     ) -> None:
         for name, link in links.items():
             self._call("changeDynamics", self.body, link, linearDamping=0.0, angularDamping=0.0)

@@ -11,11 +11,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from navfw.features.landmark_appearance import plate_image
-from navfw.meshes.furniture_meshes import furniture_mesh
 from navfw.numerics import Array, Image
 from navfw.signals import Pose
 from navfw.sim import textures
 from navfw.sim.engine import Display
+from navfw.sim.furniture_meshes import furniture_mesh
 from navfw.sim.raster import Raster
 from navfw.sim.shapes import Rectangle
 from navfw.sim.soft_light import SoftLight

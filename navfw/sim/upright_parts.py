@@ -16,10 +16,10 @@ import numpy as np
 
 from navfw.config.input_file import cached_by_files
 from navfw.errors import WorldError
-from navfw.meshes.furniture_meshes import Up, furniture_mesh
 from navfw.meshes.mesh_file import TriangleMesh, windings
 from navfw.numerics import Array, Mask
 from navfw.numerics.arrays import Indices
+from navfw.sim.furniture_meshes import Up, furniture_mesh
 from navfw.sim.plan_walls import wall_rectangles
 from navfw.sim.shapes import Circle, Rectangle, Shape
 

@@ -22,7 +22,7 @@ from navfw.errors import ConfigError, WorldError
 from navfw.meshes import read_triangles
 from navfw.numerics import Array
 from navfw.numerics.products import product
-from navfw.robot.urdf import rigid_transform
+from navfw.robot.urdf_model import rigid_transform
 from navfw.sim.shapes import Circle, Rectangle, Shape
 from navfw.sim.upright_parts import UprightPart, mesh_solids
 

@@ -13,7 +13,7 @@ from navfw.missions.missionfile import load_mission
 from navfw.missions.session_setup import split_overrides
 from navfw.robot import RobotModel, load_robot
 from navfw.robot.urdf import read_urdf
-from navfw.robot.urdf_measures import robot_notes
+from navfw.robot.urdf_measures import robot_assumed
 from navfw.sim import SensorParams
 
 MISSION = "start: [1, 1, 0]\ngoals: [{x: 3, y: 1}]\n"
@@ -203,13 +203,17 @@ WHEEL = '<inertia ixx="0.0008" iyy="0.0014" izz="0.0008" ixy="0" ixz="0" iyz="0"
 
 
 def inertia_notes(robot: RobotModel) -> tuple[str, ...]:
-    return tuple(note for note in robot_notes(robot) if "principal moments" in note)
+    return tuple(str(note) for note in robot_assumed(robot) if "inertia" in note.what)
 
 
 @pytest.mark.parametrize(
     ("old", "moments", "told"),
     [
-        (CART, (0.08, 0.14, 0.23, 0.0), "'base_link': no body of 8 kg .* 0.08, 0.14, 0.23 kg"),
+        (
+            CART,
+            (0.08, 0.14, 0.23, 0.0),
+            "'base_link': .*, as no body of 8 kg .* 0.08, 0.14, 0.23 kg",
+        ),
         (CART, (0.08, 0.14, -0.1, 0.0), "'base_link'.* -0.1, 0.08, 0.14"),
         (CART, (0.08, 0.14, 0.18, 0.12), "'base_link'.* -0.014, 0.18, 0.23"),
         (CART, (9.0, 9.0, 9.0, 0.0), "'base_link'.* izz = 0.09, 0.15, 0.2"),
@@ -228,7 +232,7 @@ def test_an_inertia_that_no_body_can_have_is_told_with_one_that_would_do(
     (project / "robots" / "own.urdf").write_text(URDF.replace(old, new))
     notes = inertia_notes(load_robot("own"))
     if told:
-        assert re.search(rf"own.urdf:\d+: link {told}", notes[0])
+        assert re.search(rf"own.urdf:\d+: inertia of link {told}", notes[0])
     else:
         assert notes == ()
     with prepare("empty", "straight", overrides=["robot=own"]).simulation() as sim:
@@ -247,7 +251,7 @@ def test_shipped_robots_have_possible_inertias_and_no_missing_mesh() -> None:
 def test_a_run_tells_of_an_impossible_inertia(project: Path) -> None:
     (project / "robots" / "own.urdf").write_text(URDF.replace('ixx="0.08"', 'ixx="8"'))
     answer = invoke("run", "empty", "straight", "--robot", "own", "--set", "mission.timeout=0.2")
-    assert "note: robots/own.urdf:8: link 'base_link': no body of 8 kg" in answer.stderr
+    assert "assumed: robots/own.urdf:8: inertia of link 'base_link': that of a box" in answer.stderr
 
 
 def test_a_mesh_that_is_only_seen_may_be_missing(project: Path) -> None:

@@ -15,7 +15,7 @@ from navfw.errors import InputError
 from navfw.missions import prepare
 from navfw.robot import load_robot
 from navfw.robot.urdf import read_urdf
-from navfw.robot.urdf_measures import robot_notes
+from navfw.robot.urdf_measures import robot_assumed, robot_notes
 from navfw.robot.xacro_expansion import _check_expression
 
 WHEEL = """<link name="{side}_wheel"><collision><origin rpy="1.5707963 0 0"/>
@@ -117,7 +117,7 @@ def test_four_wheels_skid_and_carried_ones_are_casters(project: Path) -> None:
     robot = load_robot("bot.urdf")
     assert robot.urdf is not None
     assert robot.urdf.left == ("left_joint", "back_left_joint")
-    assert robot.urdf.casters == ("castor_joint", "rolling_joint")
+    assert robot.urdf.casters == ("castor_joint", "swivel", "rolling_joint")
     assert (robot.skid, robot.urdf.side_friction) == (0.08, 0.2)
 
 
@@ -125,7 +125,10 @@ def test_without_a_camera_one_is_supposed_and_told(project: Path) -> None:
     (project / "bot.urdf").write_text(URDF.replace(CAMERA, ""))
     robot = load_robot("bot.urdf")
     assert (robot.camera.mount_height, robot.height) == (0.35, 0.35)
-    assert robot_notes(robot) == ("bot.urdf has no camera: taken to be 0.35 m above the floor",)
+    (assumed,) = robot_assumed(robot)
+    assert str(assumed) == (
+        "camera: 0.35 m above the floor, as bot.urdf has none (camera.mount_height)"
+    )
 
 
 @pytest.mark.parametrize(
@@ -137,7 +140,6 @@ def test_without_a_camera_one_is_supposed_and_told(project: Path) -> None:
         (BOX, '<mesh filename="none.obj"/>', r"none.obj is empty: no triangle"),
         (BOX, '<mesh filename="file:///no/a.stl"/>', r"mesh 'file:///no/a.stl' does not exist"),
         (BOX, '<mesh filename="package://b/a.stl"/>', r"name the folder with its package in urdf"),
-        (BOX, '<mesh filename="full.stl"/>', r"collision shapes are meshes, .* needs a footprint"),
         ('name="right_joint" type="continuous"', 'name="x" type="fixed"', "no wheels in pairs"),
     ],
 )
@@ -209,7 +211,8 @@ def test_an_included_file_that_changed_is_read_again(project: Path) -> None:
 
 
 def test_files_beside_the_xacro_file_are_read_from_any_folder(workdir: Path) -> None:
-    part = '<robot><link name="b"/></robot>'
+    joint = '<joint name="j" type="fixed"><parent link="b"/><child link="c"/></joint>'
+    part = f'<robot><link name="b"/>{joint}</robot>'
     value = "${xacro.load_yaml('size.yaml')['w']}"
     body = f'<xacro:include filename="sub/part.xacro"/><link name="{value}"/></robot>'
     put_files(

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from sim_worlds import drive, loaded
 
 from navfw.errors import ConfigError, InputError, WorldError
-from navfw.meshes.furniture_meshes import furniture_mesh
 from navfw.numerics import Array
 from navfw.robot import RobotModel
 from navfw.signals import Pose
 from navfw.sim import SceneGeometry, Simulation, WorldSpec
+from navfw.sim.furniture_meshes import furniture_mesh
 from navfw.sim.shapes import Circle, Rectangle, Shape, gap_between, overlap_depth
 from navfw.sim.upright_parts import furniture_parts
 from navfw.sim.worldspec import BoxSpec, CylinderSpec, OpeningSpec, WallSpec
@@ -255,10 +255,11 @@ def test_meshes_that_overlap_others_are_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("geometry", "message"),
     [
-        ("", "no link has a collision shape; add <collision>"),
-        ("<capsule radius='1' length='1'/>", "expected a box, cylinder, sphere or mesh, got"),
+        ("", "needs one shape in <geometry>, got nothing; known: <box size=>"),
+        ("<cone radius='1' length='1'/>", "needs one shape in <geometry>, got <cone>"),
         ("<box size='1 0 1'/>", "size of <box>: expected positive lengths"),
-        ("<sphere/>", "radius of <sphere>: expected positive lengths"),
+        ("<sphere/>", "needs one shape in <geometry>, got <sphere>; known"),
+        ("<sphere radius='0'/>", "radius of <sphere>: expected positive lengths"),
         ("<mesh filename='armchair.obj' scale='1 -1 1'/>", "expected positive scales; mirror"),
         ("<mesh filename='stool.obj'/>", "'stool.obj' does not exist"),
     ],
@@ -268,6 +269,19 @@ def test_bad_urdfs(tmp_path: Path, geometry: str, message: str) -> None:
     put_file(tmp_path, "thing.urdf", f"<robot name='r'><link name='l'>{shape}</link></robot>")
     with pytest.raises(ConfigError, match=message):
         room(tmp_path, file="thing.urdf")
+
+
+def test_urdfs_without_shapes_and_capsules(tmp_path: Path) -> None:
+    link = "<robot name='r'><link name='l'>{}</link></robot>"
+    file = str(put_file(tmp_path, "thing.urdf", link.format("")))
+    with pytest.raises(ConfigError, match="no link has a collision shape; add <collision>"):
+        furniture_mesh(file, 1.0, "z")
+    shape = "<{0}><geometry><capsule radius='0.2' length='0.5'/></geometry></{0}>"
+    for tag in ("collision", "visual"):
+        put_file(tmp_path, "thing.urdf", link.format(shape.format(tag)))
+        mesh = furniture_mesh(file, 1.0, "z")
+        assert mesh.bounds[1] == pytest.approx((0.2, 0.2, 0.45), abs=0.002)
+        assert not mesh.open_edges
 
 
 def test_urdf_spheres_and_meshes_take_their_place(tmp_path: Path) -> None:

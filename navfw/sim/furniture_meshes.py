@@ -13,7 +13,8 @@ from navfw.errors import ConfigError
 from navfw.meshes.mesh_file import MAX_TRIANGLES, TriangleMesh, joined, read_mesh
 from navfw.numerics import Array
 from navfw.numerics.products import product
-from navfw.robot.urdf import UrdfCollision, attribute_numbers, read_urdf, urdf_error
+from navfw.robot.urdf import read_urdf
+from navfw.robot.urdf_model import UrdfCollision, attribute_numbers, urdf_error
 
 Up = Literal["y", "z"]
 
@@ -83,18 +84,17 @@ def _shape_mesh(path: Path, collision: UrdfCollision) -> TriangleMesh:
         if shape.tag == "cylinder":
             profile = np.array([[0.0, -0.5], [1.0, -0.5], [1.0, 0.5], [0.0, 0.5]])
             return _revolved(profile * (collision.radius, size[2]))
-        angles = np.linspace(-0.5 * math.pi, 0.5 * math.pi, _SIDES // 2 + 1)
-        profile = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        half = 0.5 * math.pi
+        angles = np.linspace(-half, half, _SIDES // 2 + 1 + (shape.tag == "capsule"))
+        profile = np.stack([np.cos(angles), np.sin(angles)], axis=1) * collision.radius
+        profile[:, 1] += np.sign(angles) * (0.5 * size[2] - collision.radius)
         profile[[0, -1], 0] = 0.0
-        return _revolved(profile * collision.radius)
-    if shape.tag == "mesh":
-        mesh = read_mesh(path.parent / shape.get("filename", ""))
-        scale = attribute_numbers(path, shape, "scale", [1.0, 1.0, 1.0])
-        if min(scale) > 0.0:
-            return mesh.moved(np.diag([*scale, 1.0]))
-        what = "expected positive scales; mirror the mesh in a modelling program"
-        raise urdf_error(path, shape, what)
-    what = f"expected a box, cylinder, sphere or mesh, got <{shape.tag}>; replace it by one of them"
+        return _revolved(profile)
+    mesh = read_mesh(path.parent / shape.get("filename", ""))
+    scale = attribute_numbers(path, shape, "scale", [1.0, 1.0, 1.0])
+    if min(scale) > 0.0:
+        return mesh.moved(np.diag([*scale, 1.0]))
+    what = "expected positive scales; mirror the mesh in a modelling program"
     raise urdf_error(path, shape, what)
 
 

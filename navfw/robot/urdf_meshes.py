@@ -1,0 +1,128 @@
+"""Mesh files of a URDF: where they are, their points, and the file that PyBullet loads."""
+
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+from xml.etree.ElementTree import tostring
+
+import numpy as np
+
+from navfw.config.input_file import cached_by_files, is_file, read_input, shown_path
+from navfw.config.lookup import package_folders, package_roots
+from navfw.errors import ConfigError
+from navfw.meshes import read_triangles
+from navfw.numerics import Array
+from navfw.robot.urdf_model import UrdfCollision, UrdfModel, attribute_numbers, urdf_error
+
+_PACKAGE, _FILE = "package://", "file://"
+"""Prefixes of the names of meshes: in a package of ROS, and at an absolute path."""
+_ONE_TRIANGLE = 84 + 50  # defined
+"""Length of a binary STL file with one triangle [bytes]."""
+_SEEN_MESH = "link/visual/geometry/mesh"
+"""Where a mesh is that is seen."""
+_MAX_TRIANGLES = 500_000  # chosen
+"""Of a mesh that collides."""
+_MAX_SIZE = 20.0  # chosen
+"""Largest extent of a robot's mesh [m]: one of 30 cm in millimetres is 300 m large."""
+
+
+def _mesh_path(model: UrdfModel, name: str) -> Path | None:
+    """The file of the mesh called ``name``; None if it is in a package that is not there."""
+    if not name.startswith(_PACKAGE):
+        return model.file.parent / name.removeprefix(_FILE)
+    package, _, rest = name.removeprefix(_PACKAGE).partition("/")
+    folders = package_folders(package, package_roots(model.file, model.packages))
+    return next((folder / rest for folder in folders if is_file(folder / rest)), None)
+
+
+def check_meshes(model: UrdfModel) -> None:
+    """Check that the files of all meshes that collide exist; PyBullet would drop the shape.
+
+    Those that are only seen may be missing: no camera sees its own robot. None may be empty.
+    """
+    colliding = set(model.root.iterfind("link/collision/geometry/mesh"))
+    for mesh in model.root.iter("mesh"):
+        name = mesh.get("filename", "")
+        file = _mesh_path(model, name)
+        if file is not None and is_file(file):
+            if _is_empty(file):
+                raise urdf_error(
+                    model.file, mesh, f"mesh {name!r}: {shown_path(file)} is empty: no triangle"
+                )
+        elif mesh in colliding:
+            advice = "copy it beside this file"
+            if name.startswith(_PACKAGE):
+                advice = "name the folder with its package in urdf.packages or ROS_PACKAGE_PATH"
+            raise urdf_error(model.file, mesh, f"mesh {name!r} does not exist; {advice}")
+
+
+def _is_empty(file: Path) -> bool:
+    """Whether a mesh file has no triangle, where that is easily found, or no byte."""
+    content = read_input(file)
+    if file.suffix.lower() == ".stl":
+        return b"facet" not in content and len(content) < _ONE_TRIANGLE
+    if file.suffix.lower() == ".obj":
+        return not any(line.split(maxsplit=1)[:1] == [b"f"] for line in content.splitlines())
+    return not content.strip()
+
+
+def mesh_corners(model: UrdfModel, collision: UrdfCollision) -> Array:
+    """The corners (N, 3) [m] of the triangles of a mesh that collides, in its own axes.
+
+    Raises:
+        ConfigError: the mesh cannot be read, or is so large that its scale must be wrong.
+
+    """
+    name = collision.shape.get("filename", "")
+    scale = attribute_numbers(model.file, collision.shape, "scale", [1.0, 1.0, 1.0])
+    try:
+        corners = _triangles(_mesh_path(model, name) or Path(name)).reshape(-1, 3) * scale
+    except ConfigError as error:
+        raise urdf_error(model.file, collision.shape, f"mesh {name!r}: {error}") from None
+    size = float(np.ptp(corners, axis=0).max())
+    if size > _MAX_SIZE:
+        what = f'mesh {name!r} is {size:g} m large: give scale="0.001 0.001 0.001" if it is in mm'
+        raise urdf_error(model.file, collision.shape, what)
+    return corners
+
+
+@cached_by_files(64)
+def _triangles(file: Path) -> Array:
+    return read_triangles(file, _MAX_TRIANGLES)
+
+
+def loadable_urdf(model: UrdfModel, folder: Path) -> Path:
+    """Write a file to ``folder`` that PyBullet can load, with its meshes; return its path.
+
+    It names meshes by absolute paths; those that collide become binary STL files, as PyBullet drops
+    those of text, unless they are OBJ files. It has no visuals if any mesh is missing.
+    """
+    root = copy.deepcopy(model.root)
+    root.set("name", root.get("name") or "robot")
+    meshes = [collision for collision in model.collisions if collision.shape.tag == "mesh"]
+    for number, mesh in enumerate(root.iterfind("link/collision/geometry/mesh")):
+        file = _mesh_path(model, mesh.get("filename", ""))
+        if file is not None and file.suffix.lower() != ".obj":
+            corners = mesh_corners(model, meshes[number]).reshape(-1, 3, 3)
+            mesh.set("scale", "1 1 1")
+            file = folder / f"{number}.stl"
+            file.write_bytes(_binary_stl(corners))
+        mesh.set("filename", str(file))
+    seen = {mesh: _mesh_path(model, mesh.get("filename", "")) for mesh in root.iterfind(_SEEN_MESH)}
+    complete = all(file is not None and is_file(file) for file in seen.values())
+    for mesh, file in seen.items():
+        mesh.set("filename", str(file))
+    for link in () if complete else root.findall("link"):
+        for visual in link.findall("visual"):
+            link.remove(visual)
+    written = folder / "robot.urdf"
+    written.write_bytes(tostring(root))
+    return written
+
+
+def _binary_stl(corners: Array) -> bytes:
+    """The content of an STL file of triangles (M, 3, 3)."""
+    facets = np.zeros(len(corners), [("normal", "<f4", 3), ("at", "<f4", (3, 3)), ("end", "<u2")])
+    facets["at"] = corners
+    return bytes(80) + np.uint32(len(corners)).tobytes() + facets.tobytes()

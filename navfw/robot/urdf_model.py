@@ -1,0 +1,146 @@
+"""What is read of a URDF file: the frames of links and joints, collision shapes, masses."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from navfw.config.foreign_files import line_of
+from navfw.config.input_file import shown_path
+from navfw.errors import ConfigError
+from navfw.numerics import Array
+from navfw.numerics.products import product
+
+_MOVABLE = ("revolute", "continuous", "prismatic")
+"""Types of joints that a motor moves or holds."""
+KINDS = (*_MOVABLE, "fixed")
+"""Types of joints that a robot may have."""
+MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+"""Attributes of an <inertia>."""
+
+
+@dataclass(frozen=True)
+class UrdfJoint:
+    """A joint: its type, the links it joins, its ``frame`` (4, 4) in the parent, and its axis.
+
+    ``axis`` (3,) is in the joint's frame; ``line`` is the number of the joint's line in the file.
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    frame: Array
+    axis: Array
+    line: int
+
+    @property
+    def movable(self) -> bool:
+        """Whether the joint is not fixed."""
+        return self.kind in _MOVABLE
+
+
+@dataclass(frozen=True)
+class UrdfCollision:
+    """A collision shape of a link: the element in its <geometry>, at ``frame`` (4, 4) in the link.
+
+    ``size`` (3,) [m] is that of a box, cylinder, capsule or sphere along its own axes, None for a
+    mesh; ``radius`` [m] is that of a round one, otherwise 0.
+    """
+
+    link: str
+    shape: Element
+    frame: Array
+    size: Array | None
+    radius: float
+
+
+@dataclass(frozen=True)
+class UrdfModel:
+    """A URDF file: its joints by name, links and collision shapes.
+
+    ``root`` is its XML, ``packages`` the folders to search for packages of ROS. ``inertials`` are
+    the masses [kg] and <inertial> elements of links with a mass, ``massless`` the other links;
+    ``wheel_radii`` [m] are the radii of links whose collision shape is one cylinder or sphere.
+    ``unlimited`` are revolute joints that count as continuous, ``seen`` links that collide as they
+    are seen.
+    """
+
+    file: Path
+    root: Element
+    packages: tuple[str, ...]
+    links: tuple[str, ...]
+    joints: dict[str, UrdfJoint]
+    collisions: tuple[UrdfCollision, ...]
+    inertials: dict[str, tuple[float, Element]]
+    massless: frozenset[str]
+    wheel_radii: dict[str, float]
+    unlimited: tuple[str, ...]
+    seen: tuple[str, ...]
+
+    def above(self, link: str) -> list[UrdfJoint]:
+        """The joints from ``link`` up to the root link."""
+        by_child = {joint.child: joint for joint in self.joints.values()}
+        chain: list[UrdfJoint] = []
+        while link in by_child:
+            chain.append(by_child[link])
+            link = chain[-1].parent
+        return chain
+
+    def frame_of(self, link: str) -> Array:
+        """Compute the transform (4, 4) from ``link`` to the root link, with all joints at zero."""
+        frame: Array = np.eye(4)
+        for joint in self.above(link):
+            frame = product(joint.frame, frame)
+        return frame
+
+
+def origin_frame(path: Path, origin: Element | None) -> Array:
+    """Convert an <origin> into a transform (4, 4); the identity if it is None."""
+    if origin is None:
+        return np.eye(4)
+    x, y, z = attribute_numbers(path, origin, "xyz", [0.0, 0.0, 0.0])
+    return rigid_transform(x, y, z, *attribute_numbers(path, origin, "rpy", [0.0, 0.0, 0.0]))
+
+
+def rigid_transform(x: float, y: float, z: float, roll: float, pitch: float, yaw: float) -> Array:
+    """Make the transform (4, 4) of a shift [m] and turns [rad] about fixed axes, roll first."""
+    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(a), math.sin(a)) for a in (roll, pitch, yaw))
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr, x],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr, y],
+            [-sp, cp * sr, cp * cr, z],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
+    )
+
+
+def attribute_numbers(path: Path, element: Element, key: str, default: list[float]) -> list[float]:
+    """Read the numbers of an attribute, as many as ``default`` has; ``default`` if it is missing.
+
+    Raises:
+        ConfigError: they are not finite numbers, or too few or too many.
+
+    """
+    text = element.get(key)
+    if text is None or "$(" in text:  # a leftover of xacro, which PyBullet reads as 0
+        return default
+    try:
+        values = [float(word) for word in text.split()]
+    except ValueError:
+        values = []
+    if len(values) != len(default) or not all(math.isfinite(value) for value in values):
+        expected = f"{len(default)} finite number{'s' if len(default) > 1 else ''}"
+        raise urdf_error(path, element, f"{key}: expected {expected}, got {text!r}")
+    return values
+
+
+def urdf_error(path: Path, element: Element, message: str) -> ConfigError:
+    """Make an error at the line of an element in the file at ``path``; a xacro file has others."""
+    line = None if path.suffix == ".xacro" else line_of(element)
+    return ConfigError(message, file=shown_path(path), line=line)
