@@ -202,8 +202,10 @@ def _let_visuals_collide(links: dict[str, Element], joints: dict[str, UrdfJoint]
             head = above[head].parent
         parts.setdefault(head, []).append(link)
     for head, members in parts.items():
-        rolls = head in above and above[head].kind == "continuous" and carriers.isdisjoint(members)
-        if not (rolls or head not in above) or any(links[member].find("collision") is not None for member in members):
+        turns = head in above and above[head].kind == "continuous"
+        if head in above and not (turns and carriers.isdisjoint(members)):
+            continue
+        if any(links[member].find("collision") is not None for member in members):
             continue
         for member in members:
             for visual in links[member].findall("visual"):
