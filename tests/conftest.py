@@ -1,5 +1,6 @@
 """Settings for all tests."""
 
+import gc
 import os
 import signal
 from collections.abc import Iterable
@@ -9,6 +10,9 @@ from pathlib import Path
 import pytest
 import typer.testing
 from hypothesis import settings
+
+# as the command does: looking for garbage takes a twentieth of the time
+gc.set_threshold(50_000, 20, 100)
 
 # examples are the same in every run, and a loaded machine is no failure
 settings.register_profile("navfw", deadline=None, derandomize=True)

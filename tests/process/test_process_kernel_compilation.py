@@ -162,6 +162,6 @@ for world, mission, stack in (
 """
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_nothing_is_compiled_in_a_drive_after_warm() -> None:
     assert not printed(DRIVES), "run: uv run python tests/helpers/kernel_recording.py"

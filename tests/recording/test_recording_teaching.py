@@ -130,7 +130,7 @@ def test_drives_in_different_buildings_give_two_maps(
         assert np.percentile(surfaces, 90) < 0.15
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_parts_of_a_drive_that_do_not_overlap_give_maps_of_their_own(
     drive: Path, elsewhere: Path
 ) -> None:
@@ -292,7 +292,7 @@ def test_markers_become_landmarks_where_they_are(marked: Path, tmp_path: Path) -
     assert load_table(table).observations["room"] > 10
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_bag_and_a_folder_of_the_same_drive_give_its_map(drive: Path, tmp_path: Path) -> None:
     answer("export", drive, "--to", tmp_path / "bag")
     bag, folder = Bag(tmp_path / "bag"), tmp_path / "folder"

@@ -69,7 +69,7 @@ def test_a_video_changes_no_command_and_the_run_is_recorded(filmed: Path, tmp_pa
     assert len(hashes) == 1
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_replay_writes_the_same_video(filmed: Path, tmp_path: Path) -> None:
     output("replay", filmed / "run", "--video", tmp_path / "again.mp4")
     again, first = pictures(tmp_path / "again.mp4"), pictures(filmed / "run.mp4")

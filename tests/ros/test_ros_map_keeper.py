@@ -162,7 +162,7 @@ def test_a_drive_that_another_node_steers_becomes_a_map_with_named_places(
     assert status["finished"] is False
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_drive_with_a_gap_is_split_and_joined_where_its_parts_overlap(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
