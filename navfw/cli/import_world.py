@@ -5,20 +5,21 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from navfw.assumption import Assumption
 from navfw.cli.options import Json, from_options, numbers_of
-from navfw.cli.output import echo, print_json, quiet_stdout
+from navfw.cli.output import echo, print_assumed, print_json, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError
 from navfw.process.atomic import output_place
 from navfw.process.work_progress import ProgressCallback, silent
 
-_IMAGE_SUFFIXES = (".pgm", ".png", ".bmp")
+_IMAGE_SUFFIXES = (".pgm", ".png", ".bmp", ".ppm", ".pnm", ".jpg", ".jpeg", ".tif", ".tiff")
 """Files that are imported as the image of a floor plan."""
 
 
@@ -60,7 +61,7 @@ class ImportOptions:
         typer.Option(
             metavar="X,Y",
             help="Plan: take the piece of free ground with this point [m].",
-            show_default="the largest",
+            show_default="the largest within walls",
         ),
     ] = None
     name: Annotated[
@@ -87,8 +88,8 @@ class ImportOptions:
 
 _OF_SDF = ("start", "goal", "skip_unsupported", "models")
 _OF_PLANS = ("speckle", "gap", "inside", "name")
-Made = tuple[dict[str, Any], tuple[str, ...], tuple[str, ...]]
-"""Of an imported world: the object of ``--json``, its lines, and what was left out."""
+Made = tuple[dict[str, Any], tuple[str, ...], tuple[str, ...], tuple[Assumption, ...]]
+"""Of an imported world: the object of ``--json``, its lines, what was left out and assumed."""
 
 
 @from_options
@@ -143,7 +144,7 @@ def _import_files(
 
 
 def _import_plan(source: Path, out: Path, options: ImportOptions, report: ProgressCallback) -> Made:
-    from navfw.worldgen.plan_exchange import import_plan, read_plan
+    from navfw.worldgen.plan_exchange import PIECES_FILE, import_plan, read_plan
     from navfw.worldgen.world_draft import MIN_PATH
 
     steps = {"speckle": options.speckle, "gap": options.gap}
@@ -170,18 +171,19 @@ def _import_plan(source: Path, out: Path, options: ImportOptions, report: Progre
         "kinds": sorted(kinds),
         "edges": edges,
         "missions": {name: made.lengths[name] for name in made.missions},
+        "picture": None if made.picture is None else str(folder / PIECES_FILE),
+        "assumed": [one.as_data() for one in made.assumed],
     }
     lines = (
         f"{folder}: {made.world.description}",
         f"{area:.0f} m2 free around {x:.2f},{y:.2f}; {places} places, {doors} doors, {edges} edges",
         *(f"  navfw run {folder} {name}  ({made.lengths[name]:.1f} m)" for name in made.missions),
     )
-    for other, (x, y) in others[:1]:
-        largest = f"the largest of {other:.0f} m2: --inside {x:.2f},{y:.2f} takes it"
-        lines += (f"other pieces of free ground: {len(others)}, {largest}",)
+    if made.picture is not None:
+        lines += (f"other pieces of free ground: {len(others)}; picture {folder / PIECES_FILE}",)
     if max(made.lengths.values()) < MIN_PATH:
         lines += (f"the plan is too small for a mission of {MIN_PATH:g} m",)
-    return data, lines, ()
+    return data, lines, (), made.assumed
 
 
 def _import_gazebo(
@@ -217,18 +219,20 @@ def _import_gazebo(
         f"{folder}: {made.world.description}",
         f"{made.shortest:.1f} m from start to goal; navfw run {folder} {MISSION}",
     )
-    return data, lines, tuple(made.skipped)
+    return data, lines, tuple(made.skipped), ()
 
 
 def _print(made: Sequence[Made], *, single: bool, json: bool) -> None:
     """Print one object or a list of objects, or the lines of all."""
-    for data, _, left_out in made:
+    for data, _, left_out, assumed in made:
+        where = "" if single else data["folder"] + ": "
         for what in left_out:
-            echo(f"{'' if single else data['folder'] + ': '}left out: {what}", err=True)
+            echo(f"{where}left out: {what}", err=True)
+        print_assumed(replace(one, what=where + one.what) for one in assumed)
     if json:
         print_json(made[0][0] if single else [data for data, *_ in made])
     else:
-        echo("".join(f"{line}\n" for _, lines, _ in made for line in lines), nl=False)
+        echo("".join(f"{line}\n" for _, lines, *_ in made for line in lines), nl=False)
 
 
 def _named(texts: Sequence[str]) -> dict[str, tuple[float, float]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,14 +11,24 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from navfw.cli.options import Json, Map, Mission, NoiseSeed, Stack, World, command_group
-from navfw.cli.output import echo, print_json, print_result, print_table, print_tables, quiet_stdout
+from navfw.cli.output import (
+    echo,
+    print_assumed,
+    print_json,
+    print_result,
+    print_table,
+    print_tables,
+    quiet_stdout,
+)
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.cli.teach import name, teach
+from navfw.config.input_file import is_file
 from navfw.config.lookup import find, list_files
 from navfw.process.atomic import output_file, write_text
 from navfw.recording.run_folder import plain_json
 
 if TYPE_CHECKING:
+    from navfw.assumption import Assumption
     from navfw.recording.top_view import WorldOutline
     from navfw.sim.scene_geometry import SceneGeometry
     from navfw.topomap import TopoMap
@@ -71,7 +82,7 @@ def show(
         f"{topo_map.name}: {summary['places']} places ({counted}), {summary['edges']} edges",
         f"picture {path}" + ("" if outline is not None else ", without a floor plan"),
     )
-    print_result(summary, lines, json=json)
+    _print_result(topo_map.all_assumed, summary, lines, json=json)
 
 
 def check(
@@ -92,9 +103,11 @@ def check(
         clearances = None if plan is None else plan.clearances
         problems = check_map(topo_map, clearances, load_robot(robot).radius)
     rows = [problem.as_data() for problem in problems]
+    print_assumed(topo_map.all_assumed)
     if json:
         summary = {"map": topo_map.name, "in_world": plan is not None}
-        print_json({**summary, "ok": not problems, "problems": rows})
+        assumed = [one.as_data() for one in topo_map.all_assumed]
+        print_json({**summary, "ok": not problems, "problems": rows, "assumed": assumed})
     else:
         if plan is None:
             echo("No world has the map's name: walls are not checked.", err=True)
@@ -126,7 +139,8 @@ def diff(
     lines = [str(change) for change in changes] or ["no changes"]
     lines += [] if out is None else [f"picture {out}"]
     rows = [asdict(change) for change in changes]
-    print_result(plain_json({**data, "changes": rows}), lines, json=json)
+    assumed = (*old.all_assumed, *new.all_assumed)
+    _print_result(assumed, plain_json({**data, "changes": rows}), lines, json=json)
 
 
 def build(
@@ -175,7 +189,16 @@ def convert(
 def _print_written(topo_map: TopoMap, file: Path, *more: str, json: bool) -> None:
     places, edges = len(topo_map.places), len(topo_map.passages)
     data = {"map": topo_map.name, "places": places, "edges": edges, "file": str(file)}
-    print_result(data, (f"{file}: {places} places, {edges} edges", *more), json=json)
+    lines = (f"{file}: {places} places, {edges} edges", *more)
+    _print_result(topo_map.all_assumed, data, lines, json=json)
+
+
+def _print_result(
+    assumed: Sequence[Assumption], data: Mapping[str, Any], lines: Iterable[str], *, json: bool
+) -> None:
+    """Print a result with what the readers of the maps assumed."""
+    print_assumed(assumed)
+    print_result({**data, "assumed": [one.as_data() for one in assumed]}, lines, json=json)
 
 
 def export(
@@ -348,7 +371,8 @@ def _find_map(name: str, both_ways: bool = False) -> TopoMap:
     from navfw.topomap.map_formats import SUFFIXES, load_any_map
 
     path = Path(name)
-    foreign = path.suffix.lower() in SUFFIXES and path.suffix.lower() not in {".yaml", ".yml"}
+    suffix = path.suffix.lower()
+    foreign = suffix not in {".yaml", ".yml"} and (suffix in SUFFIXES or is_file(path))
     return load_any_map(path if foreign else find("map", name), both_ways, check_landmark_kind)
 
 

@@ -27,6 +27,8 @@ _DAMAGED = re.compile(
 )
 """What libjpeg says when it makes up pixels, and decodes the image all the same. A few extraneous
 bytes are a harmless habit of some cameras."""
+_NETPBM = re.compile(rb"(P[2356](?:(?:\s|#[^\n]*\n)+\d+){2}(?:\s|#[^\n]*\n)+)(\d+)")
+"""The head of a PGM or PPM file up to its largest value."""
 _HEIC = {b"ftyp" + kind for kind in (b"heic", b"heix", b"hevc", b"heim", b"heis", b"mif1", b"msf1")}
 
 
@@ -60,9 +62,15 @@ def decode_image(
             " scale it down",
             file=name,
         )
+    largest = whole = 255
+    if (head := _NETPBM.match(data)) and 0 < (largest := int(head[2])) < 65536:
+        # OpenCV takes values as they are, in text up to a white space
+        whole = 255 if largest < 256 else 65535
+        data = head[1] + b"%d" % whole + data[head.end() :] + b"\n"
     with _heard() as said:
         try:
-            image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
+            depth = cv2.IMREAD_ANYDEPTH if whole != largest and flags >= 0 else 0
+            image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags | depth)
         except cv2.error:
             image = None
     if _DAMAGED.search(b"".join(said)):
@@ -71,6 +79,11 @@ def decode_image(
         raise ConfigError(
             "the image is damaged, or its pixels have neither 8 nor 16 bits", file=name
         )
+    if whole != largest:
+        scaled = (image.astype(np.int64) * whole + largest // 2) // largest
+        image = np.minimum(scaled, whole).astype(image.dtype)
+        if depth & ~flags and whole > 255:
+            image = (image // 256).astype(np.uint8)
     return image  # type: ignore[return-value]
 
 

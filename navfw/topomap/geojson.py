@@ -13,12 +13,14 @@ import json
 import json.decoder
 import json.scanner
 import math
+import re
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 from navfw.config.input_file import parse_json
 from navfw.errors import MapError
+from navfw.topomap.georeference import LocalFrame, local_frame
 from navfw.topomap.mapfile import EDGE_KEYS, MapImporter, map_data
 from navfw.topomap.topological_map import TopoMap
 
@@ -107,30 +109,53 @@ class _Feature:
         raise self.error("geometry.type", what)
 
     def number(self, key: str) -> int:
-        """Return the id at ``key`` of the properties; MapError if it is no integer from 0 on."""
+        """Return the id at ``key`` of the properties; MapError if it is no integer from 0 on.
+
+        Without ``properties.id`` it is the feature's own; tools write integers as 1.0 or "1", too.
+        """
         properties = self.data.get("properties")
         value = properties.get(key) if isinstance(properties, dict) else None
-        if isinstance(value, int) and not isinstance(value, bool) and value >= 0:
-            return value
+        value = self.data.get(key) if value is None else value
+        if isinstance(value, int | float | str) and re.fullmatch(r"\d{1,18}(\.0)?", str(value)):
+            return int(float(value))
         got = "it is missing" if value is None else f"got {value!r:.40}"
         raise self.error(f"properties.{key}", f"expected the id, an integer: {got}")
 
     @property
     def metadata(self) -> dict[str, Any]:
-        metadata = self.data["properties"].get("metadata")
+        metadata = (self.data.get("properties") or {}).get("metadata")
         return metadata if isinstance(metadata, dict) else {}
+
+    @property
+    def point(self) -> tuple[float, float]:
+        """The coordinates of a Point, as they are in the file."""
+        at = self.geometry.get("coordinates")
+        numbers = at[:2] if isinstance(at, list) else []
+        if len(numbers) < 2 or not all(type(number) in (int, float) for number in numbers):
+            raise self.error("geometry.coordinates", f"expected [x, y] [m], got {at!r:.40}")
+        return numbers[0], numbers[1]
+
+    def bends(self, frame: LocalFrame) -> float:
+        """Length [m] of the line of an edge with more than two points; NaN of others."""
+        parts: Any = self.geometry.get("coordinates")
+        parts = [parts] if self.geometry["type"] == "LineString" else parts
+        try:
+            points = [frame(point[0], point[1]) for part in parts for point in part]
+        except (TypeError, LookupError):
+            return math.nan
+        return sum(map(math.dist, points, points[1:])) if len(points) > 2 else math.nan
 
 
 def read_geojson(text: str, file: str, both_ways: bool) -> TopoMap:
     """Read the map in the GeoJSON ``text`` of ``file``, which errors name.
 
-    A node without a name gets its number as name, an edge without a length its straight distance.
+    A node without a name gets its number as name, an edge without a length that of its line.
     With ``both_ways`` a one-way edge becomes a passage.
 
     Raises:
         ConfigError: it is not JSON, or a value is out of bounds.
-        MapError: it is not a FeatureCollection, a feature lacks a property, an id is duplicate or
-            unknown, an edge is one-way, or the map is invalid.
+        MapError: it is not a FeatureCollection, a feature lacks a property, the id of a node is
+            duplicate or unknown, an edge is one-way, or the map is invalid.
 
     """
     begins = dict[int, int]()
@@ -144,19 +169,27 @@ def read_geojson(text: str, file: str, both_ways: bool) -> TopoMap:
         begin = begins.get(id(feature), last)
         line, last = line + text.count("\n", last, begin), begin
         features.append(_Feature(file, line, index, feature))
-    importer, names, lines = MapImporter(file, both_ways), dict[int, str](), dict[int, int]()
-    for feature in sorted(features, key=lambda feature: feature.geometry["type"] != "Point"):
-        number = feature.number("id")
-        if number in lines:
-            what = f"a second feature with the id {number} (the first is in line {lines[number]}); "
-            what += "nodes and edges share their numbers, so give each its own"
-            raise feature.error("properties.id", what)
-        lines[number] = feature.line
-        if feature.geometry["type"] == "Point":
-            names[number] = _add_place(importer, feature, number)
-        else:
-            start, end = (_end_of(feature, key, names) for key in ("startid", "endid"))
-            importer.add_edge(start, end, feature.metadata, feature.line, directed=True)
+    nodes = [feature for feature in features if feature.geometry["type"] == "Point"]
+    frame = _frame_of(nodes, json.dumps(data.get("crs", "")), file, _line_of(text, "crs"))
+    importer, places = MapImporter(file, both_ways, frame), dict[int, _Feature]()
+    for node in nodes:
+        number = node.number("id")
+        if number in places:
+            what = f"a second node with the id {number} (the first is in line "
+            what += f"{places[number].line}); give each its own"
+            raise node.error("properties.id", what)
+        places[number] = node
+        x, y = frame(*node.point)
+        values = {"x": x, "y": y, "kind": node.metadata.get("kind")}
+        importer.add_place(_name_of(node), values, node.line, f"features[{node.index}]")
+    for edge in features:
+        if edge.geometry["type"] != "Point":
+            start, end = (_end_of(edge, key, places) for key in ("startid", "endid"))
+            straight, bent = math.dist(frame(*start.point), frame(*end.point)), edge.bends(frame)
+            longer: dict[str, Any] = {"length": bent} if bent > straight else {}
+            values = {**longer, **edge.metadata}
+            ends = _name_of(start), _name_of(end)
+            importer.add_edge(*ends, values, edge.line, directed=True)
     if isinstance(landmarks := data.get("landmarks"), dict):
         importer.add_landmarks(landmarks, _line_of(text, "landmarks"))
     importer.set_floor_plan(data.get("floor_plan"), _line_of(text, "floor_plan"))
@@ -164,25 +197,27 @@ def read_geojson(text: str, file: str, both_ways: bool) -> TopoMap:
     return importer.finish(name if isinstance(name, str) and name else "graph")
 
 
-def _add_place(importer: MapImporter, node: _Feature, number: int) -> str:
-    """Add the place of a node; return its name."""
-    at = node.geometry.get("coordinates")
-    numbers = at[:2] if isinstance(at, list) else []
-    if len(numbers) < 2 or not all(type(number) in (int, float) for number in numbers):
-        raise node.error("geometry.coordinates", f"expected [x, y] [m], got {at!r:.40}")
-    name, kind = node.metadata.get("name"), node.metadata.get("kind")
-    name = name if isinstance(name, str) and name else str(number)
-    values = {"x": numbers[0], "y": numbers[1], "kind": kind}
-    importer.add_place(name, values, node.line, f"features[{node.index}]")
-    return name
+def _frame_of(nodes: list[_Feature], crs: str, file: str, line: int) -> LocalFrame:
+    """The frame of the nodes; those that name a frame, as Nav2's and navfw's, are in metres."""
+    if any("frame" in (node.data.get("properties") or {}) for node in nodes):
+        return LocalFrame()
+    try:
+        return local_frame([node.point for node in nodes], crs)
+    except ValueError as error:
+        raise MapError(str(error), file=file, line=line, key="crs") from None
 
 
-def _end_of(edge: _Feature, key: str, names: dict[int, str]) -> str:
+def _name_of(node: _Feature) -> str:
+    name = node.metadata.get("name")
+    return name if isinstance(name, str) and name else str(node.number("id"))
+
+
+def _end_of(edge: _Feature, key: str, places: dict[int, _Feature]) -> _Feature:
     number = edge.number(key)
-    if number not in names:
+    if number not in places:
         what = f"there is no Point with the id {number}; add it, or remove the edge"
         raise edge.error(f"properties.{key}", what)
-    return names[number]
+    return places[number]
 
 
 def _line_of(text: str, member: str) -> int:

@@ -2,7 +2,8 @@
 
 ``.yaml`` is navfw's own format (``mapfile``), ``.geojson`` that of Nav2's route server
 (``geojson``), ``.graphml`` the XML format of graph tools such as networkx, yEd and Gephi, read and
-written here. All three preserve the whole map; its floor plan is written beside it.
+written here. All three preserve the whole map; its floor plan is written beside it. ``.tmap2`` of
+ROS' topological_navigation (``tmap``) is read.
 
 In GraphML the values of a place or passage are data of its node or edge, with the keys of the map
 file; landmarks are data of the graph, as JSON, and so is the name of the floor plan's file.
@@ -19,16 +20,21 @@ from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
+from navfw.config.document import parse_yaml
 from navfw.config.foreign_files import line_of, read_xml
 from navfw.config.input_file import parse_json, read_input_text, shown_path
 from navfw.errors import ConfigError, MapError
 from navfw.process.atomic import write_text
 from navfw.topomap import mapfile
 from navfw.topomap.geojson import geojson_text, read_geojson
+from navfw.topomap.georeference import LocalFrame, local_frame
 from navfw.topomap.occupancy_map import save_ros_map
+from navfw.topomap.tmap import nodes_path, read_tmap
 from navfw.topomap.topological_map import TopoMap
 
 _NUMBERS = {"double": float, "float": float, "int": int, "long": int}
+_VALUES = {"x", "y", *mapfile.EDGE_KEYS}
+"""Keys of numbers, also where a tool such as osmnx declares all data as text."""
 _TEXTS = ("kind", "landmarks", "floor_plan")
 """Keys of data that are text; all others are numbers."""
 
@@ -72,7 +78,7 @@ class _GraphmlReader:
 
     def __init__(self, path: Path, both_ways: bool) -> None:
         self._path = path
-        self._importer = mapfile.MapImporter(shown_path(path), both_ways)
+        self._both_ways = both_ways
         self._keys: dict[str, tuple[str, str]] = {}  # id: attr.name, attr.type
 
     def read(self) -> TopoMap:
@@ -88,13 +94,16 @@ class _GraphmlReader:
             if tag == "key":
                 name = key.get("attr.name", "")
                 self._keys[key.get("id", "")] = (name, key.get("attr.type", "string"))
+        nodes = [(node, self._values(node)) for tag, node in elements if tag == "node"]
+        frame = self._frame_of(graphs[0], [values for _, values in nodes])
+        self._importer = mapfile.MapImporter(shown_path(self._path), self._both_ways, frame)
+        for node, values in nodes:
+            name = self._attribute(node, "id")
+            if "x" in values and "y" in values:
+                values["x"], values["y"] = frame(values["x"], values["y"])
+            self._importer.add_place(name, values, line_of(node), f"node {name!r}")
         for tag, element in elements:
-            if tag == "node":
-                name = self._attribute(element, "id")
-                self._importer.add_place(
-                    name, self._values(element), line_of(element), f"node {name!r}"
-                )
-            elif tag == "edge":
+            if tag == "edge":
                 ends = self._attribute(element, "source"), self._attribute(element, "target")
                 directed = element.get("directed", default) == "true"
                 self._importer.add_edge(
@@ -105,6 +114,16 @@ class _GraphmlReader:
             elif tag == "hyperedge":
                 raise self._error(element, tag, "a passage connects two places: use several edges")
         return self._importer.finish(graphs[0].get("id") or "graph")
+
+    def _frame_of(self, graph: Element, nodes: list[dict[str, Any]]) -> LocalFrame:
+        """The frame of the nodes; those of navfw's own files are in metres."""
+        if "node-x" in self._keys:
+            return LocalFrame()
+        points = [(node["x"], node["y"]) for node in nodes if "x" in node and "y" in node]
+        try:
+            return local_frame(points, str(self._values(graph).get("crs", "")))
+        except ValueError as error:
+            raise self._error(graph, "crs", str(error)) from None
 
     def _add_graph_data(self, graph: Element) -> None:
         values, line = self._values(graph), line_of(graph)
@@ -127,7 +146,7 @@ class _GraphmlReader:
             key, text = data.get("key", ""), data.text or ""
             name, kind = self._keys.get(key, (key, "string"))
             try:
-                value = _NUMBERS.get(kind, str)(text)
+                value = _NUMBERS.get(kind, float if name in _VALUES else str)(text)
             except ValueError:
                 raise self._error(data, name, f"expected a number, got {text!r:.40}") from None
             # without a limit of its width a passage has no such key, as in a map file
@@ -155,8 +174,9 @@ _WRITERS: dict[str, Callable[[TopoMap, str | None], str]] = {
     ".json": geojson_text,
 }
 
-SUFFIXES: tuple[str, ...] = tuple(_WRITERS)
-"""The suffixes of map files."""
+_YAML = (".yaml", ".yml", ".tmap", ".tmap2")
+SUFFIXES: tuple[str, ...] = (*_WRITERS, ".tmap", ".tmap2")
+"""The suffixes of map files; the last two are only read."""
 
 
 def load_any_map(
@@ -175,10 +195,12 @@ def load_any_map(
 
     """
     path = Path(path)
-    suffix = _suffix(path)
-    if _WRITERS[suffix] is mapfile.map_text:
+    if path.suffix.lower() in _YAML:
+        document = parse_yaml(read_input_text(path), shown_path(path))
+        if (nodes := nodes_path(document)) is not None:
+            return read_tmap(document, nodes, both_ways)
         return mapfile.load_map(path) if check_kind is None else mapfile.load_map(path, check_kind)
-    if _WRITERS[suffix] is graphml_text:
+    if _WRITERS[_suffix(path)] is graphml_text:
         return _GraphmlReader(path, both_ways).read()
     text = read_input_text(path)
     return read_geojson(text, shown_path(path), both_ways)
@@ -207,7 +229,7 @@ def save_map(topo_map: TopoMap, path: str | Path) -> None:
 def _suffix(path: Path) -> str:
     suffix = path.suffix.lower()
     if suffix not in _WRITERS:
-        suffixes = ", ".join(SUFFIXES)
+        suffixes = ", ".join(_WRITERS)
         raise MapError(
             f"expected a map file ({suffixes}), got {path.name!r}", file=shown_path(path)
         )

@@ -19,16 +19,18 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from navfw.assumption import Assumption
 from navfw.config.document import Origin, YamlDocument, load_yaml
 from navfw.config.lookup import find
 from navfw.config.yaml_text import KeyPath, key_text, write_yaml_text
 from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, MapError, did_you_mean
 from navfw.topomap.elements import Landmark, MapViolation, Passage, Place, map_violations
+from navfw.topomap.georeference import LocalFrame
 from navfw.topomap.mapspec import (
     EdgeSpec,
     MapLandmarkSpec,
@@ -165,18 +167,22 @@ class MapImporter:
     """Collects places, edges and landmarks, and builds the document of an equivalent map file.
 
     Of the given values only the keys of a map file are kept. With ``both_ways`` a one-way edge
-    counts as a passage; without it the opposite edge is required.
+    counts as a passage; without it the opposite edge is required. Of edges that are listed twice
+    the shortest counts. ``frame`` has converted the coordinates of the places.
     """
 
-    def __init__(self, file: str, both_ways: bool) -> None:
+    def __init__(self, file: str, both_ways: bool, frame: LocalFrame | None = None) -> None:
         self._file = file
         self._both_ways = both_ways
+        self._frame = frame or LocalFrame()
         self._origins: dict[KeyPath, Origin] = {}
         self._places: dict[str, dict[str, Any]] = {}
         self._landmarks: dict[str, dict[str, Any]] = {}
         self._edges: list[dict[str, Any]] = []
         self._floor_plan: Any = None
         self._one_way: dict[tuple[str, str], int] = {}
+        self._directed: dict[tuple[str, str], int] = {}
+        self._repeated: list[str] = []
 
     def add_place(self, name: str, values: dict[str, Any], line: int, key: str) -> None:
         """Add a place of ``line`` in the file; ``key`` names it in error messages.
@@ -200,13 +206,20 @@ class MapImporter:
         self, a: str, b: str, values: dict[str, Any], line: int, directed: bool = False
     ) -> None:
         """Add an edge; a ``directed`` one makes a passage together with the opposite edge."""
-        if directed and (b, a) in self._one_way:
-            del self._one_way[b, a]
-            return
+        edge = {"from": a, "to": b, **_kept(values, EDGE_KEYS)}
         if directed:
-            self._one_way[a, b] = len(self._edges)
+            index = self._directed.get((a, b))
+            if index is not None:
+                self._repeated.append(str(line))
+                if _length(edge) < _length(self._edges[index]):
+                    self._edges[index] = edge
+                return
+            index = self._directed[a, b] = self._directed.get((b, a), len(self._edges))
+            if self._one_way.pop((b, a), None) is not None:
+                return
+            self._one_way[a, b] = index
         self._origins["edges", len(self._edges)] = Origin(self._file, line)
-        self._edges.append({"from": a, "to": b, **_kept(values, EDGE_KEYS)})
+        self._edges.append(edge)
 
     def add_landmarks(self, landmarks: dict[str, Any], line: int) -> None:
         """Add landmarks by name; ``finish`` refuses one that is no mapping: it lacks all values."""
@@ -235,12 +248,35 @@ class MapImporter:
                 line=self._origins["edges", index].line,
                 key=f"edges[{index}]",
             )
+        if self._frame.assumed:
+            self._leave_out_rounded_lengths()
         data: dict[str, Any] = {"name": name, "places": self._places, "edges": self._edges}
         if self._floor_plan is not None:
             data["floor_plan"] = self._floor_plan
         if self._landmarks:
             data["landmarks"] = self._landmarks
-        return read_map(YamlDocument(self._file, data, {(): Origin(self._file), **self._origins}))
+        made = read_map(YamlDocument(self._file, data, {(): Origin(self._file), **self._origins}))
+        assumed = [*self._frame.assumed]
+        if self._repeated:
+            lines = ", ".join(self._repeated[:5]) + (", ..." if len(self._repeated) > 5 else "")
+            reason = f"line {lines} lists the same ends again"
+            assumed.append(Assumption("repeated edges", "the shortest of each", reason))
+        return made.replaced(assumed=assumed)
+
+    def _leave_out_rounded_lengths(self) -> None:
+        """Leave out lengths a little below the distance that another projection gives."""
+        for edge in self._edges:
+            ends = [self._places.get(edge[key], {}) for key in ("from", "to")]
+            (ax, bx), (ay, by) = ([end.get(key, math.nan) for end in ends] for key in "xy")
+            straight = math.hypot(ax - bx, ay - by)
+            if 0.99 * straight <= _length(edge) < straight:
+                del edge["length"]
+
+
+def _length(edge: Mapping[str, Any]) -> float:
+    """The length [m] of an edge; infinite where it has none."""
+    length = edge.get("length")
+    return length if isinstance(length, int | float) else math.inf
 
 
 def _kept(values: object, keys: tuple[str, ...]) -> dict[str, Any]:

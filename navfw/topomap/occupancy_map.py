@@ -10,21 +10,24 @@ with ``negate``; thresholds decide what is free, occupied and unknown (``RosMapS
 
 from __future__ import annotations
 
+import contextlib
+import math
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Annotated, Any, Literal
 
 import cv2
 import numpy as np
 import numpy.typing as npt
-from pydantic import BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
 
+from navfw.assumption import Assumption
 from navfw.config.document import load_yaml
 from navfw.config.image_file import read_image
-from navfw.config.input_file import shown_path
+from navfw.config.input_file import is_file, shown_path
 from navfw.config.strict_model import StrictModel
 from navfw.config.yamlfile import validate
-from navfw.errors import ConfigError, MapError
+from navfw.errors import ConfigError, MapError, did_you_mean
 from navfw.numerics import Array, Mask
 from navfw.process.atomic import atomic_file, write_text
 from navfw.signals import Pose
@@ -47,7 +50,7 @@ class OccupancyMap:
     ``origin`` is the pose, in the frame ``map``, of the grid's corner: columns run along its x axis
     and rows along its y axis, so the centre of cell (i, j) is at
     ``origin.to_parent((j + 0.5) * resolution, (i + 0.5) * resolution)``. ``file`` is the yaml file
-    that it was read from. The cells are read only.
+    that it was read from, ``assumed`` what its reader took for granted. The cells are read only.
 
     >>> plan = OccupancyMap(np.array([[FREE, OCCUPIED]]), 0.1, Pose(2.0, 3.0, 0.0))
     >>> plan.centres(*np.nonzero(plan.occupied))
@@ -64,6 +67,7 @@ class OccupancyMap:
     resolution: float
     origin: Pose
     file: Path | None = None
+    assumed: tuple[Assumption, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the size, and make the cells read only."""
@@ -108,46 +112,84 @@ class OccupancyMap:
         return states
 
 
-Angle = Annotated[float, Field(ge=-100.0, le=100.0)]
-
-
-def _truth(value: Any) -> Any:
-    """Convert a truth value to 0 or 1: Nav2 reads ``negate`` as either."""
+def _number(value: Any) -> Any:
+    """Convert a number in quotes, or a truth value: yaml-cpp reads either as Nav2 needs it."""
+    if isinstance(value, str):
+        with contextlib.suppress(ValueError):
+            words = {"false": "0", "no": "0", "true": "1", "yes": "1"}
+            return float(words.get(value.lower(), value))
     return int(value) if isinstance(value, bool) else value
+
+
+def _radians(value: float) -> float:
+    if abs(value) <= 2.0 * math.pi + 1e-6:
+        return value
+    meant = f"{value:g} degrees are {math.radians(value):.6g}"
+    raise ValueError(f"expected rad from -2 pi to 2 pi, got {value:g}: {meant}")
+
+
+def _orientation(value: Any) -> Any:
+    if isinstance(value := _number(value), float) and math.isnan(value):
+        raise ValueError("is no number, as mappers without an orientation write it: write 0.0")
+    return value
+
+
+def _share(value: Any) -> Any:
+    if isinstance(value := _number(value), int | float) and 1.0 < value <= 100.0:
+        raise ValueError(f"expected 0 to 1, got {value:g}: per cent? Write {value / 100.0:g}")
+    return value
+
+
+def _metres(value: Any) -> Any:
+    if isinstance(value := _number(value), int | float) and 10.0 < value <= 1000.0:
+        meant = f"pixels a metre? Write {1.0 / value:.6g}"
+        raise ValueError(f"expected 0.001 to 10 m a pixel, got {value:g}: {meant}")
+    return value
+
+
+def _lower(value: Any) -> Any:
+    return value.lower() if isinstance(value, str) else value
+
+
+Number = Annotated[Coordinate, BeforeValidator(_number)]
+Angle = Annotated[float, BeforeValidator(_orientation), AfterValidator(_radians)]
+Share = Annotated[float, BeforeValidator(_share), Field(ge=0.0, le=1.0)]
 
 
 class RosMapSpec(StrictModel):
     """The keys of a floor plan's yaml file that are used; others are ignored, as by map_server.
 
-    In mode ``trinary`` cells between the thresholds, and of the grey level 205, are unknown; in
-    ``scale`` those between them, and transparent ones. In ``raw`` the grey levels 0 to 100 are per
-    cent of occupancy, and all others unknown.
+    In the modes ``trinary`` and ``scale`` cells between the thresholds and transparent ones are
+    unknown, in ``trinary`` those of the grey level 205, too. In ``raw`` the grey levels 0 to 100
+    are per cent of occupancy, and all others unknown.
     """
 
     model_config = ConfigDict(extra="ignore")
 
     image: Annotated[
-        str, Field(min_length=1, max_length=1000, description="PGM, PNG or BMP file, beside this")
+        str, Field(min_length=1, max_length=1000, description="image file, beside this")
     ]
-    resolution: Annotated[float, Field(ge=0.001, le=10.0, description="edge of a pixel [m]")]
+    resolution: Annotated[
+        float,
+        BeforeValidator(_metres),
+        Field(ge=0.001, le=10.0, description="edge of a pixel [m]"),
+    ]
     origin: Annotated[
-        tuple[Coordinate, Coordinate, Angle],
+        tuple[Number, Number, Angle],
         Field(description="x, y [m], yaw [rad] of the image's lower left corner in the map frame"),
     ]
     mode: Annotated[
-        Literal["trinary", "scale", "raw"], Field(description="meaning of the grey levels")
+        Literal["trinary", "scale", "raw"],
+        BeforeValidator(_lower),
+        Field(description="meaning of the grey levels"),
     ] = "trinary"
     negate: Annotated[
         Literal[0, 1],
-        BeforeValidator(_truth),
+        BeforeValidator(_number),
         Field(description="1, or true: black is free and white is occupied; not in mode raw"),
     ] = 0
-    occupied_thresh: Annotated[
-        float, Field(ge=0.0, le=1.0, description="occupied above this occupancy")
-    ] = 0.65
-    free_thresh: Annotated[
-        float, Field(ge=0.0, le=1.0, description="free below this occupancy")
-    ] = 0.196
+    occupied_thresh: Annotated[Share, Field(description="occupied above this occupancy")] = 0.65
+    free_thresh: Annotated[Share, Field(description="free below this occupancy")] = 0.196
 
     @model_validator(mode="after")
     def _thresholds_in_order(self) -> RosMapSpec:
@@ -159,12 +201,14 @@ class RosMapSpec(StrictModel):
         return self
 
 
-IMAGE_SUFFIXES = (".pgm", ".png", ".bmp")
-"""Formats of a floor plan's image: without loss, and known to map_server."""
+IMAGE_SUFFIXES = (".pgm", ".png", ".bmp", ".ppm", ".pnm", ".jpg", ".jpeg", ".tif", ".tiff")
+"""Formats of a floor plan's image; the first three are written, as by map_saver."""
 
 _UNKNOWN_GREY = 205  # defined
 """The grey level that map_saver writes for unknown: its occupancy 0.196 is below Nav2's default
 threshold 0.25 for free, and it must not be free all the same."""
+_BLUR = 8  # chosen
+"""How far JPEG moves that grey level."""
 _LEVELS = {FREE: 254, OCCUPIED: 0, UNKNOWN: _UNKNOWN_GREY}  # defined
 """The grey levels of map_saver by state."""
 
@@ -181,10 +225,13 @@ def load_ros_map(path: str | Path) -> OccupancyMap:
     """
     path = Path(path)
     spec = validate(load_yaml(path), RosMapSpec)
-    return plan_of_image(_image_path(path, spec.image), spec, path)
+    image, assumed = _image_path(path, spec.image)
+    return plan_of_image(image, spec, path, assumed)
 
 
-def plan_of_image(image: Path, spec: RosMapSpec, file: Path) -> OccupancyMap:
+def plan_of_image(
+    image: Path, spec: RosMapSpec, file: Path, assumed: tuple[Assumption, ...] = ()
+) -> OccupancyMap:
     """Read the floor plan in ``image`` as ``spec`` says; ``file`` is its yaml file.
 
     Raises:
@@ -205,23 +252,24 @@ def plan_of_image(image: Path, spec: RosMapSpec, file: Path) -> OccupancyMap:
             file=shown_path(image),
         )
     grey, transparent = _grey_levels(pixels)
-    states = _states(grey, transparent, spec)
-    return OccupancyMap(states[::-1], spec.resolution, Pose(*spec.origin), file)
+    blur = _BLUR if image.suffix.lower() in {".jpg", ".jpeg"} else 0
+    states = _states(grey, transparent, spec, blur)
+    return OccupancyMap(states[::-1], spec.resolution, Pose(*spec.origin), file, assumed)
 
 
 def save_ros_map(plan: OccupancyMap, path: str | Path, suffix: str = ".png") -> Path:
     """Write a plan's yaml file at ``path`` and its image beside it; return the image's path.
 
-    ``suffix`` is one of ``IMAGE_SUFFIXES``.
+    ``suffix`` is one of the first three ``IMAGE_SUFFIXES``.
 
     Raises:
         InputError: a file cannot be written, or the suffix of the yaml file or image is another.
 
     """
     path = Path(path)
-    if suffix not in IMAGE_SUFFIXES:
+    if suffix not in IMAGE_SUFFIXES[:3]:
         raise ConfigError(
-            f"expected an image of {', '.join(IMAGE_SUFFIXES)}, got {suffix!r}", key="image"
+            f"expected an image of {', '.join(IMAGE_SUFFIXES[:3])}, got {suffix!r}", key="image"
         )
     if path.suffix.lower() not in {".yaml", ".yml"}:
         raise ConfigError("expected a .yaml file for the floor plan", file=shown_path(path))
@@ -246,17 +294,30 @@ def save_ros_map(plan: OccupancyMap, path: str | Path, suffix: str = ".png") -> 
     return image
 
 
-def _image_path(path: Path, name: str) -> Path:
-    """Return the image's path, which is relative to the folder of the yaml file or that above."""
+def _image_path(path: Path, name: str) -> tuple[Path, tuple[Assumption, ...]]:
+    """Return the image's path, which is relative to the folder of the yaml file or that above.
+
+    Where there is none, or it is a path of another computer, it is the image of that name beside
+    the yaml file, in any case of letters.
+    """
     steps = PurePosixPath(name)
-    if steps.is_absolute() or ".." in steps.parts[1:]:
-        raise ConfigError(
-            f"{name!r} is not near this file; copy the image beside it and write "
-            f"image: {steps.name}",
-            file=shown_path(path),
-            key="image",
-        )
-    return path.parent / steps
+    near = not (steps.is_absolute() or ".." in steps.parts[1:] or set("\\:~") & set(name))
+    if near and is_file(path.parent / steps):
+        return path.parent / steps, ()
+    last = PureWindowsPath(name).name
+    beside = sorted(file for file in path.parent.glob("*") if file.suffix.lower() in IMAGE_SUFFIXES)
+    for file in beside:
+        if file.name.lower() == last.lower():
+            reason = f"there is no {name!r} near the yaml file"
+            return file, (Assumption("image", f"{file.name} beside the yaml file", reason),)
+    names = [file.name for file in beside]
+    advice = f"; {did_you_mean(last, names)}" if names else ""
+    raise ConfigError(
+        f"there is no {name!r} near this file; copy the image beside it and write "
+        f"image: {last}{advice}",
+        file=shown_path(path),
+        key="image",
+    )
 
 
 def _grey_levels(pixels: npt.NDArray[Any]) -> tuple[Array, Mask]:
@@ -269,16 +330,16 @@ def _grey_levels(pixels: npt.NDArray[Any]) -> tuple[Array, Mask]:
     return colours.mean(axis=2), alpha < 255.0
 
 
-def _states(grey: Array, transparent: Mask, spec: RosMapSpec) -> Cells:
+def _states(grey: Array, transparent: Mask, spec: RosMapSpec, blur: int) -> Cells:
     """Compute the states of all pixels from their occupancy and the thresholds."""
     if spec.mode == "raw":
         occupancy = np.round(grey) / 100.0
         unknown = occupancy > 1.0
     else:
         occupancy = grey / 255.0 if spec.negate else 1.0 - grey / 255.0
-        unknown = transparent if spec.mode == "scale" else np.zeros(grey.shape, dtype=np.bool_)
+        unknown = transparent
         if spec.mode == "trinary" and not spec.negate:
-            unknown |= grey == _UNKNOWN_GREY
+            unknown = unknown | (np.abs(grey - _UNKNOWN_GREY) <= blur)
     states = np.full(grey.shape, UNKNOWN, dtype=np.int8)
     states[occupancy < spec.free_thresh] = FREE
     states[occupancy > spec.occupied_thresh] = OCCUPIED

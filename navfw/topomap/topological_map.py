@@ -16,6 +16,7 @@ from typing import Any
 import networkx as nx
 import numpy as np
 
+from navfw.assumption import Assumption
 from navfw.errors import MapError, UnknownNameError
 from navfw.numerics import Array
 from navfw.signals.immutability import Sealed
@@ -51,7 +52,8 @@ class TopoMap(Sealed):
     """An undirected graph of places and passages, with landmarks: the map that a robot is given.
 
     A map is immutable: closed passages and changed costs are state of the planner. ``floor_plan``
-    is the plan of the walls that comes with the map, or None.
+    is the plan of the walls that comes with the map, or None; ``assumed`` what its reader took for
+    granted.
 
     >>> hall, door = Place("hall", 0.0, 0.0), Place("door", 3.0, 0.0, "door")
     >>> office = TopoMap("office", [hall, door], [Passage("hall", "door", 3.0, width=0.9)])
@@ -71,6 +73,7 @@ class TopoMap(Sealed):
         file: str | Path | None = None,
         landmarks: Iterable[Landmark] = (),
         floor_plan: OccupancyMap | None = None,
+        assumed: Iterable[Assumption] = (),
     ) -> None:
         nodes, passages, landmarks = list(places), tuple(passages), tuple(landmarks)
         violations = map_violations(nodes, passages, landmarks)
@@ -81,6 +84,7 @@ class TopoMap(Sealed):
         self.places: Mapping[str, Place] = MappingProxyType({p.name: p for p in nodes})
         self.passages = passages
         self.floor_plan = floor_plan
+        self.assumed = tuple(assumed)
         self.landmarks: Mapping[str, Landmark] = MappingProxyType({m.name: m for m in landmarks})
         self._graph = nx.Graph(name=name)
         self._graph.add_nodes_from((p.name, {"place": p}) for p in nodes)
@@ -96,10 +100,15 @@ class TopoMap(Sealed):
     def __repr__(self) -> str:
         return f"TopoMap({self.name!r}, {len(self.places)} places, {len(self.passages)} passages)"
 
+    @property
+    def all_assumed(self) -> tuple[Assumption, ...]:
+        """What was taken for granted of the map and of its floor plan."""
+        return self.assumed + (() if self.floor_plan is None else self.floor_plan.assumed)
+
     def replaced(self, **parts: Any) -> TopoMap:
         """Return the map with other ``parts``, by their names; under another name, of no file."""
         file = None if "name" in parts else self.file
-        same = {name: getattr(self, name) for name in ("name", "passages", "floor_plan")}
+        same = {name: getattr(self, name) for name in ("name", "passages", "floor_plan", "assumed")}
         same |= {"places": self.places.values(), "landmarks": self.landmarks.values()}
         return TopoMap(**{**same, "file": file, **parts})
 

@@ -13,8 +13,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from navfw.assumption import Assumption
 from navfw.errors import InputError
-from navfw.numerics import Array, Mask
+from navfw.numerics import Array, Image, Mask
 from navfw.robot import RobotModel
 from navfw.topomap.map_builder import MARGIN, Point
 from navfw.topomap.occupancy_map import FREE, OCCUPIED, UNKNOWN, Cells, OccupancyMap
@@ -23,6 +24,15 @@ SPECKLE, GAP = 0.12, 0.15
 """Size [m] of the largest spots that vanish, and width [m] of the openings that stay open."""
 _MAX_SPECKLE, _MAX_GAP = 1.0, 0.4
 """Their largest values [m]."""
+
+_ALONG = 0.25  # chosen
+"""Least share of the image's border in a piece outside of a drawing's walls."""
+_FRAME = 0.85  # chosen
+"""Least share of the image's width and height that the white within a drawing's frame spans."""
+_UNKNOWN_SHARE = 0.05  # chosen
+"""Share of unknown ground from which a plan is one of SLAM; drawings have it at blurred edges."""
+_ROOM = 4.0  # chosen
+"""Least area [m^2] of a piece that is taken in place of a larger one."""
 
 _Labels = npt.NDArray[np.intp]
 
@@ -33,12 +43,16 @@ class CleanedPlan:
 
     ``plan`` has all ground connected with it, ``ground`` not the pieces behind passages that are
     too narrow for the robot. ``pieces`` are all, the one taken first, then by falling area: area
-    [m^2], and the point (x, y) [m] where it is widest.
+    [m^2], and the point (x, y) [m] where it is widest. If nobody chose among several, ``assumed``
+    says which one was taken, and ``picture`` (BGR) shows it in green, the others in orange, walls
+    in black, and what is unknown in grey.
     """
 
     plan: OccupancyMap
     ground: OccupancyMap
     pieces: tuple[tuple[float, Point], ...]
+    assumed: tuple[Assumption, ...] = ()
+    picture: Image | None = None
 
 
 def cleaned(
@@ -47,8 +61,8 @@ def cleaned(
     """The plan without speckles and gaps; free ground apart from one piece is unknown.
 
     Occupied or unknown spots up to ``speckle`` [m] that free ground surrounds become free. Gaps
-    narrower than ``gap`` [m] become unknown. The piece is the largest, or the one with ``inside``
-    [m].
+    narrower than ``gap`` [m] become unknown. The piece is the one with ``inside`` [m], or else the
+    largest that is not ``_outside``.
 
     Raises:
         InputError: nothing is free, or not the point, or a value is out of range.
@@ -73,7 +87,9 @@ def cleaned(
     )
     areas: Array = np.bincount(labels.ravel()).astype(np.float64) * plan.resolution**2
     order = 1 + np.argsort(-areas[1:], kind="stable")
-    taken = order[0] if inside is None else _piece_at(plan, labels, areas, inside)
+    outside = _outside(plan, labels, areas, order)
+    rooms = [piece for piece in order if piece not in outside] or order
+    taken = rooms[0] if inside is None else _piece_at(plan, labels, areas, inside)
     order = np.append(taken, order[order != taken])
     widest = np.array(maximum_position(away, labels, order))
     points = plan.centres(widest[:, 0], widest[:, 1]).tolist()
@@ -81,11 +97,62 @@ def cleaned(
     free = joined == joined[labels == taken][0]
     cells: Cells = np.where(free, FREE, np.where(plan.occupied, OCCUPIED, UNKNOWN)).astype(np.int8)
     ground: Cells = np.where(free & (labels != taken) & (labels > 0), UNKNOWN, cells)
-    return CleanedPlan(
+    parts = (
         OccupancyMap(cells, plan.resolution, plan.origin, plan.file),
         OccupancyMap(ground, plan.resolution, plan.origin, plan.file),
         tuple(zip(areas[order].tolist(), map(tuple, points), strict=True)),
     )
+    if inside is not None:
+        return CleanedPlan(*parts)
+    assumed = _assumed(parts[2], along=_border_share(labels)[taken] >= _ALONG)
+    if len(order) == 1:
+        return CleanedPlan(*parts, assumed)
+    drawn = np.select([labels == taken, labels > 0, plan.occupied, plan.free], [1, 2, 3, 4])
+    colours = np.array([(160,) * 3, (80, 170, 60), (70, 150, 240), (0,) * 3, (255,) * 3], np.uint8)
+    return CleanedPlan(*parts, assumed, colours[drawn[::-1]])
+
+
+def _assumed(pieces: tuple[tuple[float, Point], ...], *, along: bool) -> tuple[Assumption, ...]:
+    """What is said of the first of the pieces; ``along``: it has much of the image's border."""
+    assumed: tuple[Assumption, ...] = ()
+    if along:
+        reason = "no wall parts it from the rest; close the outer doors in the image"
+        assumed += (Assumption("ground along the border of the image", "in the world", reason),)
+    if len(pieces) > 1:
+        taken, other = (f"{area:.1f} m2 around {x:.2f},{y:.2f}" for area, (x, y) in pieces[:2])
+        reason = f"it is the largest of {len(pieces)}, before {other}"
+        if pieces[0][0] < pieces[1][0]:
+            reason = f"{other} are outside of the walls, by the border of the image"
+        assumed += (Assumption("piece of the plan", taken, reason, "--inside X,Y"),)
+    return assumed
+
+
+def _outside(
+    plan: OccupancyMap, labels: _Labels, areas: Array, order: npt.NDArray[np.intp]
+) -> set[int]:
+    """The pieces that are no rooms but the white around a drawing; none if nothing is left then.
+
+    Such a piece takes much of the image's border; or it surrounds all rooms and reaches almost to
+    the border, as within a frame, in a plan without the unknown ground that maps by SLAM have.
+    """
+    share = _border_share(labels)
+    outside = {int(piece) for piece in order if share[piece] >= _ALONG}
+    rooms = [int(p) for p in order if p not in outside and areas[p] >= _ROOM]
+    if len(rooms) > 1 and (plan.cells == UNKNOWN).mean() < _UNKNOWN_SHARE:
+        mask = (labels == rooms[0]).astype(np.uint8)
+        contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        _, _, width, height = cv2.boundingRect(mask)
+        filled = cv2.drawContours(mask, contours, -1, 1, cv2.FILLED)
+        spans = min(width / labels.shape[1], height / labels.shape[0]) >= _FRAME
+        if spans and filled[np.isin(labels, rooms[1:])].all():
+            outside.add(rooms.pop(0))
+    return outside if rooms else set()
+
+
+def _border_share(labels: _Labels) -> Array:
+    """Share of the cells along the image's border that each piece has."""
+    border = np.concatenate((labels[0], labels[-1], labels[1:-1, 0], labels[1:-1, -1]))
+    return np.bincount(border, minlength=int(labels.max()) + 1) / border.size
 
 
 def _pieces(free: Mask, away: Array, need: float) -> _Labels:

@@ -9,12 +9,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import networkx as nx
 import numpy as np
 
+from navfw.assumption import Assumption
 from navfw.errors import InputError, MapError
 from navfw.missions.missionspec import MissionSpec
-from navfw.numerics import Array
+from navfw.numerics import Array, Image
+from navfw.process.atomic import atomic_file
 from navfw.process.work_progress import ProgressCallback, silent
 from navfw.signals import Pose
 from navfw.sim.plan_walls import wall_rectangles
@@ -72,6 +75,9 @@ def exported_plan(
     return OccupancyMap(cells, resolution, Pose(*grid.origin, 0.0))
 
 
+PIECES_FILE = "pieces.png"
+"""The picture of a plan's pieces, in the folder of its world."""
+
 _MAX_CELL = 0.25
 """Largest edge of a cell [m]: in coarser plans doors and the robot are a few cells wide."""
 
@@ -101,12 +107,24 @@ class ImportedPlan(MadeWorld):
     """The world of a floor plan, whose map comes with the cleaned plan.
 
     ``lengths`` [m] are those of the missions' paths, ``size`` [m] is that of the free ground;
-    ``pieces`` are the area [m^2] and widest point of its pieces, first the one that is mapped.
+    ``pieces`` are the area [m^2] and widest point of its pieces, first the one that is mapped;
+    ``picture`` shows them if that one is ``assumed``.
     """
 
     lengths: Mapping[str, float]
     pieces: tuple[tuple[float, Point], ...]
     size: tuple[float, float]
+    assumed: tuple[Assumption, ...]
+    picture: Image | None
+
+    def write(self, folder: str | Path) -> Path:
+        """As ``MadeWorld.write``, with the picture as ``PIECES_FILE``."""
+        folder = super().write(folder)
+        (folder / PIECES_FILE).unlink(missing_ok=True)
+        if self.picture is not None:
+            with atomic_file(folder / PIECES_FILE) as target:
+                target.write_bytes(cv2.imencode(".png", self.picture)[1].tobytes())
+        return folder
 
 
 def read_plan(file: str | Path, resolution: float | None = None) -> OccupancyMap:
@@ -142,8 +160,8 @@ def import_plan(
     """Import a floor plan as a world called ``name``; ``report`` is called with each part.
 
     Spots up to ``speckle`` [m] vanish, openings below ``gap`` [m] are closed. Of the free ground
-    the piece with the point ``inside`` (x, y) [m] is taken, by default the largest. ``named`` gives
-    the places at points (x, y) [m] names.
+    the piece with the point ``inside`` (x, y) [m] is taken, by default the largest that is not the
+    white around a drawing. ``named`` gives the places at points (x, y) [m] names.
 
     Raises:
         InputError: it has no free ground, its resolution or origin cannot be right, a value is out
@@ -154,33 +172,32 @@ def import_plan(
     if plan.resolution > _MAX_CELL:
         raise InputError(
             f"cells of {plan.resolution:g} m are too coarse, at most {_MAX_CELL:g} m: a door is a "
-            "few cells wide; check that the resolution is in metres per pixel",
+            f"few cells wide; give metres per pixel (for centimetres {plan.resolution / 100.0:g})",
             file=plan.file,
             key="resolution",
         )
     if not plan.free.any():
         raise InputError(
-            "the plan has no free ground: free cells are white (black with negate: 1), and their "
-            "occupancy is below free_thresh",
+            "the plan has no free ground: free cells are white (black with negate: 1) and not "
+            "transparent, and their occupancy is below free_thresh",
             file=plan.file,
         )
     report("walls")
     clean = cleaned(plan, speckle, gap, inside)
-    plan = clean.plan
+    assumed, plan = plan.assumed + clean.assumed, clean.plan
     rows, columns = np.nonzero(plan.free)
     width, depth = (float(np.ptp(cells) + 1) * plan.resolution for cells in (columns, rows))
     size = round(width, 2), round(depth, 2)
     walls = [_in_map(plan, wall) for wall in wall_rectangles(plan.free, plan.resolution)]
     world = _world(name, plan, walls, size)
     check_world(world, file=plan.file)
-    topo_map = _topological_map(world, clean, size, report)
-    topo_map = _renamed(topo_map, clean, named or {})
+    topo_map = _renamed(_topological_map(world, clean, size, report), clean, named or {})
     ways = {f"{start}-to-{goal}": (length, start, goal) for length, start, goal in _ways(topo_map)}
     missions = {name: _mission(topo_map, *way) for name, way in ways.items()}
     lengths = {name: way[0] for name, way in ways.items()}
     if not ways:
-        goal = next(iter(topo_map.places))
-        missions[f"to-{goal}"], lengths[f"to-{goal}"] = _from_afar(world, clean.ground, topo_map)
+        to = f"to-{next(iter(topo_map.places))}"
+        missions[to], lengths[to] = _from_afar(world, clean.ground, topo_map)
     return ImportedPlan(
         world=world,
         missions=missions,
@@ -188,6 +205,8 @@ def import_plan(
         lengths=lengths,
         pieces=clean.pieces,
         size=size,
+        assumed=assumed,
+        picture=clean.picture,
     )
 
 

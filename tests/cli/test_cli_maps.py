@@ -6,7 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from cli_calls import answer, invoke, output, sole_refusal
+from cli_calls import answer, invoke, output, refusal, sole_refusal
 
 from navfw.numerics import Image
 from navfw.topomap.map_formats import load_any_map
@@ -97,7 +97,7 @@ def test_show_draws_the_map_over_its_world(tmp_path: Path) -> None:
 
 
 def test_check_lists_the_problems_of_a_map_in_its_world(tmp_path: Path) -> None:
-    sound = {"map": "office", "in_world": True, "ok": True, "problems": []}
+    sound = {"map": "office", "in_world": True, "ok": True, "problems": [], "assumed": []}
     assert answer("map", "check", "office") == sound
     output("map", "convert", "office", "bad.yaml")
     bad = tmp_path / "bad.yaml"
@@ -121,6 +121,31 @@ def test_convert_there_and_back() -> None:
     answer("map", "convert", "a.graphml", "b.geojson")
     assert answer("map", "convert", "b.geojson", "c.yaml")["edges"] == 55
     assert load_any_map("c.yaml").passages == load_any_map("a.graphml").passages
+
+
+def test_what_is_assumed_of_a_map_is_said(tmp_path: Path) -> None:
+    features = [
+        {"properties": {"id": number}, "geometry": {"type": "Point", "coordinates": [x, 51.05]}}
+        for number, x in enumerate((13.73, 13.74))
+    ]
+    text = json.dumps({"type": "FeatureCollection", "features": features})
+    (tmp_path / "campus.geojson").write_text(text)
+    for words in ("convert campus.geojson c.yaml", "check campus.geojson", "show campus.geojson"):
+        done = invoke("map", *words.split(), "--json")
+        (said,) = json.loads(done.stdout)["assumed"]
+        assert said["taken"] == "metres east and north of longitude 13.73, latitude 51.05"
+        assert done.stderr.startswith("assumed: coordinates: metres east and north of")
+    assert answer("map", "diff", "campus.geojson", "c.yaml")["assumed"] == [said]
+    assert answer("map", "convert", "c.yaml", "d.geojson")["assumed"] == []
+
+
+@pytest.mark.parametrize("name", ["campus.dot", "campus.gml"])
+def test_other_formats_of_graphs_are_refused_with_those_that_are_read(
+    tmp_path: Path, name: str
+) -> None:
+    (tmp_path / name).write_text("graph {a -- b}")
+    said = refusal("map", "convert", name, "c.yaml")
+    assert f"{name}: expected a map file (.yaml, .yml, .graphml, .geojson, .json)" in said
 
 
 def test_the_floor_plan_is_drawn(tmp_path: Path) -> None:

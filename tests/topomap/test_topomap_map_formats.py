@@ -142,8 +142,7 @@ def test_geojson_has_what_nav2_requires(tmp_path: Path) -> None:
     [
         (1, ("properties", "id"), None, ["features[1].properties.id", "missing"]),
         (1, ("properties", "id"), "one", ["features[1].properties.id", "'one'"]),
-        (1, ("properties", "id"), 0, ["features[1].properties.id", "second feature with the id 0"]),
-        (3, ("properties", "id"), 2, ["features[3].properties.id", "second feature", "nodes and"]),
+        (1, ("properties", "id"), 0, ["features[1].properties.id", "second node with the id 0"]),
         (2, ("properties", "startid"), None, ["features[2].properties.startid", "missing"]),
         (2, ("properties", "endid"), 7, ["features[2].properties.endid", "no Point with the id 7"]),
         (1, ("geometry", "coordinates"), [1.0], ["features[1].geometry.coordinates", "[x, y]"]),
@@ -174,6 +173,169 @@ def test_one_way_edges_become_passages_on_request(tmp_path: Path) -> None:
     with pytest.raises(MapError, match="leads only from"):
         load_any_map(path)
     assert len(load_any_map(path, both_ways=True).passages) == 1
+
+
+def test_an_edge_that_is_listed_twice_is_the_shorter_one(tmp_path: Path) -> None:
+    data = nav2_graph()
+    again = feature("MultiLineString", id=2, startid=0, endid=1, metadata={"length": 6.0})
+    data["features"].insert(2, again)  # with the id of another edge, too, as in Nav2's own graphs
+    path = write(tmp_path / "graph.geojson", data)
+    assert load_any_map(path).passages == (Passage("0", "1", 6.0),)
+    (assumption,) = load_any_map(path).assumed
+    assert "line 56 lists the same ends again" in str(assumption)
+    del data["features"][4]
+    write(path, data)
+    assert_refused(path, MapError, ["leads only from '0' to '1'"])
+
+
+@pytest.mark.parametrize("ids", [("0", "1"), (0.0, 1.0)])
+def test_ids_as_other_tools_write_them(tmp_path: Path, ids: tuple[Any, Any]) -> None:
+    data = nav2_graph()
+    for place, name in zip(data["features"][:2], ids, strict=True):
+        del place["properties"]["id"]
+        place["id"] = name
+    for edge, ends in ((2, ids), (3, ids[::-1])):
+        data["features"][edge]["properties"].update(startid=ends[0], endid=ends[1])
+    assert list(load_any_map(write(tmp_path / "g.geojson", data)).places) == ["0", "1"]
+
+
+def test_the_length_of_a_bent_line_is_that_of_the_passage(tmp_path: Path) -> None:
+    data = nav2_graph()
+    data["features"][2]["geometry"]["coordinates"] = [[[0, 0], [3, 0], [3, 4]]]
+    topo_map = load_any_map(write(tmp_path / "graph.geojson", data))
+    assert topo_map.passages == (Passage("0", "1", 7.0),)
+
+
+def located_graph(ends: list[list[float]], crs: str | None) -> dict[str, Any]:
+    """Two places at ``ends``, as QGIS exports them."""
+    data = nav2_graph()
+    del data["crs"]
+    if crs is not None:
+        data["crs"] = {"type": "name", "properties": {"name": crs}}
+    for place, at in zip(data["features"][:2], ends, strict=True):
+        place["geometry"]["coordinates"] = at
+        del place["properties"]["frame"]
+    return data
+
+
+MERCATOR = [[1_528_416.611, 6_630_318.985], [1_528_427.743, 6_630_318.985]]
+"""13.73 E and 0.0001 degrees east of it, at 51.05 N: of the ellipsoid 7.0123 m."""
+
+
+@pytest.mark.parametrize(
+    ("ends", "crs", "length", "said"),
+    [
+        ([[13.73, 51.05], [13.7301, 51.05]], "urn:ogc:def:crs:OGC:1.3:CRS84", 7.0123, "its crs is"),
+        ([[13.73, 51.05], [13.7301, 51.05]], None, 7.0123, "by their size the numbers are"),
+        ([[13.73, 51.05], [13.73, 51.0501]], "urn:ogc:def:crs:EPSG::4326", 11.1249, "latitude 51"),
+        (MERCATOR, "urn:ogc:def:crs:EPSG::3857", 7.0, "stretches lengths there by 1.591"),
+        ([[411_000.0, 5_656_000.0], [411_003.0, 5_656_004.0]], "EPSG:32633", 5.0, "x 411000"),
+        ([[411_000.0, 5_656_000.0], [411_003.0, 5_656_004.0]], None, 5.0, "far from its origin"),
+        ([[-20.0, 3.0], [-17.0, 7.0]], "urn:ogc:def:crs:EPSG::3857", 5.0, None),
+        ([[0.0, 0.0], [0.6, 0.0]], None, 0.6, None),
+    ],
+)
+def test_coordinates_of_the_earth_become_metres(
+    tmp_path: Path, ends: list[list[float]], crs: str | None, length: float, said: str | None
+) -> None:
+    topo_map = load_any_map(write(tmp_path / "g.geojson", located_graph(ends, crs)))
+    tolerance = 0.02 if ends is MERCATOR else 1e-3
+    assert topo_map.passages[0].length == pytest.approx(length, abs=tolerance)
+    assert max(abs(place.x) for place in topo_map.places.values()) < 30.0
+    assert [str(said) in str(one) for one in topo_map.assumed] == [True] * (said is not None)
+
+
+@pytest.mark.parametrize("ends", [[[2.0, 3.0], [5.0, 7.0]], [[200.0, 3.0], [200.1, 3.0]]])
+def test_a_crs_of_degrees_with_metres_is_refused(tmp_path: Path, ends: list[list[float]]) -> None:
+    path = write(tmp_path / "g.geojson", located_graph(ends, "urn:ogc:def:crs:OGC:1.3:CRS84"))
+    assert_refused(path, MapError, ["g.geojson:", "crs", "if they are metres, remove the crs"])
+
+
+OSMNX = """\
+<?xml version='1.0' encoding='utf-8'?>
+<graphml xmlns="http://graphml.graphdrawing.org/xmlns">
+<key id="d5" for="edge" attr.name="length" attr.type="string"/>
+<key id="d4" for="node" attr.name="street_count" attr.type="string"/>
+<key id="d3" for="node" attr.name="x" attr.type="string"/>
+<key id="d2" for="node" attr.name="y" attr.type="string"/>
+<key id="d1" for="graph" attr.name="crs" attr.type="string"/>
+<graph edgedefault="directed">
+<data key="d1">epsg:4326</data>
+<edge source="26" target="27" id="0"><data key="d5">105.03</data></edge>
+<edge source="27" target="26" id="0"><data key="d5">105.03</data></edge>
+<edge source="27" target="26" id="1"><data key="d5">95.5</data></edge>
+<edge source="27" target="28" id="0"><data key="d5">29.69</data></edge>
+<edge source="28" target="27" id="0"><data key="d5">29.69</data></edge>
+<node id="26"><data key="d2">53.4538295</data><data key="d3">141.9744235</data></node>
+<node id="27"><data key="d2">53.4538961</data><data key="d3">141.9758529</data></node>
+<node id="28"><data key="d2">53.4538961</data><data key="d3">141.9763013</data></node>
+</graph></graphml>
+"""
+
+
+def test_graphs_of_osmnx_have_numbers_as_text_and_degrees(tmp_path: Path) -> None:
+    topo_map = load_any_map(write(tmp_path / "streets.graphml", OSMNX))
+    first, second = topo_map.passages
+    assert first.length == 95.5  # the shorter of two
+    place = topo_map.places["27"]
+    assert (place.x, place.y) == pytest.approx((95.0, 7.41), abs=0.05)
+    assert second.length == pytest.approx(29.8, abs=0.02)  # osmnx' sphere is a little smaller
+    assert [one.what for one in topo_map.assumed] == ["coordinates", "repeated edges"]
+    write(tmp_path / "streets.graphml", OSMNX.replace(">29.69<", ">['29', '30']<", 1))
+    words = ["streets.graphml:13: length", "expected a number"]
+    assert_refused(tmp_path / "streets.graphml", MapError, words)
+
+
+TMAP = """\
+meta: {last_updated: 2022-03-02_10-07-31}
+name: farm
+nodes:
+- meta: {map: map_2d, node: WayPoint1, pointset: farm}
+  node:
+    edges:
+    - {action: NavigateToPose, config: &id001 [], edge_id: WayPoint1_WayPoint2, node: WayPoint2}
+    name: WayPoint1
+    pose:
+      orientation: {w: 1.0, x: 0.0, y: 0.0, z: 0.0}
+      position: {x: 0.0, y: 0.0, z: 0.0}
+    restrictions_planning: 'True'
+- meta: {map: map_2d, node: WayPoint2, pointset: farm}
+  node:
+    edges:
+    - {action: NavigateToPose, config: *id001, edge_id: WayPoint2_WayPoint1, node: WayPoint1}
+    name: WayPoint2
+    pose: {position: {x: 3.0, y: 4.0, z: 0.0}}
+    verts: [{x: 0.69, y: 0.28}]
+transformation: {rotation: {w: 1.0, x: 0.0, y: 0.0, z: 0.0}, translation: {x: 0.0, y: 0.0, z: 0.0}}
+"""
+
+
+@pytest.mark.parametrize("name", ["farm.tmap2", "farm.yaml"])
+def test_maps_of_topological_navigation_are_read(tmp_path: Path, name: str) -> None:
+    topo_map = load_any_map(write(tmp_path / name, TMAP))
+    assert topo_map.name == "farm"
+    assert topo_map.passages == (Passage("WayPoint1", "WayPoint2", 5.0),)
+    nodes = TMAP[TMAP.index("- meta") : TMAP.index("transformation")]
+    older = load_any_map(write(tmp_path / "older.yaml", nodes))
+    assert older.passages == topo_map.passages
+    assert older.name == "farm"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("node: WayPoint1}\n    name", "node: Way}\n    name", ["farm.tmap2:7: ", "leads only"]),
+        ("edge_id: WayPoint1_WayPoint2, node: WayPoint2", "edge_id: a", ["7: ", "the key node"]),
+        ("position: {x: 3.0", "at: {x: 3.0", ["farm.tmap2:14: nodes[1].node", "name and pose"]),
+        ("x: 3.0, y: 4.0", "y: 4.0", ["places.WayPoint2.x", "missing"]),
+        ("translation: {x: 0.0", "translation: {x: 2.0", ["farm.tmap2:20: ", "parent frame"]),
+    ],
+)
+def test_errors_in_a_tmap_name_their_line(
+    tmp_path: Path, old: str, new: str, words: list[str]
+) -> None:
+    assert old in TMAP
+    assert_refused(write(tmp_path / "farm.tmap2", TMAP.replace(old, new, 1)), InputError, words)
 
 
 GRAPHML = """\

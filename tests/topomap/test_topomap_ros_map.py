@@ -83,7 +83,37 @@ def test_colours_16_bits_and_transparent_pixels(tmp_path: Path) -> None:
     pixels = np.full((1, 2, 4), 255, np.uint8)
     pixels[0, 1, 3] = 200
     assert states(write(tmp_path, "plan.png", pixels, mode="scale")) == [[FREE, UNKNOWN]]
-    assert states(write(tmp_path, "plan.png", pixels)) == [[FREE, FREE]]
+    assert states(write(tmp_path, "plan.png", pixels)) == [[FREE, UNKNOWN]]
+    pixels[0, 1] = 0  # as GIMP erases black
+    assert states(write(tmp_path, "plan.png", pixels)) == [[FREE, UNKNOWN]]
+
+
+def pgm(kind: str, largest: int, *values: int) -> bytes:
+    """An image of 2 x 2 pixels; P2 without a line feed at its end, as some tools write it."""
+    head = f"{kind}\n# CREATOR: map_saver 0.050 m/pix\n2 2\n{largest}\n".encode()
+    if kind == "P2":
+        return head + " ".join(map(str, values)).encode()
+    return head + np.array(values, ">u2" if largest > 255 else "u1").tobytes()
+
+
+@pytest.mark.parametrize("kind", ["P2", "P5"])
+@pytest.mark.parametrize("largest", [1, 5, 100, 255, 1023, 65535])
+def test_the_values_of_a_pgm_are_shares_of_its_largest(
+    tmp_path: Path, kind: str, largest: int
+) -> None:
+    file = write(tmp_path)
+    grey = round(0.6 * largest)  # 1 where there are only 0 and 1
+    (tmp_path / "plan.pgm").write_bytes(pgm(kind, largest, 0, largest, grey, largest))
+    middle = FREE if largest == 1 else UNKNOWN
+    assert states(file) == [[OCCUPIED, FREE], [middle, FREE]]
+
+
+def test_jpegs_have_a_band_of_unknown_grey(tmp_path: Path) -> None:
+    pixels = np.kron(np.array([[0, 205, 254]], np.uint8), np.ones((16, 16), np.uint8))
+    read = np.array(states(write(tmp_path, "plan.jpg", pixels)))
+    assert (read[:, 20:28] == UNKNOWN).all()
+    assert (read[:, 36:] == FREE).all()
+    assert (read[:, :12] == OCCUPIED).all()
 
 
 @pytest.mark.parametrize(
@@ -92,7 +122,14 @@ def test_colours_16_bits_and_transparent_pixels(tmp_path: Path) -> None:
         ({"mode": "ternary"}, "mode"),
         ({"resolution": 0}, "resolution"),
         ({"resolution": "nan"}, "resolution"),
+        ({"resolution": 20}, "pixels a metre[?] Write 0.05"),
         ({"origin": "[0, 0]"}, "origin"),
+        ({"origin": "[0, 0, 90]"}, "90 degrees are 1.5708"),
+        ({"origin": "[0, 0, -45.0]"}, "-45 degrees are -0.785398"),
+        ({"origin": "[0, 0, -nan]"}, r"origin\[2\]: is no number, .* write 0.0"),
+        ({"origin": "[0, 0, north]"}, "'north'"),
+        ({"free_thresh": 19.6}, "per cent[?] Write 0.196"),
+        ({"resolution": "null"}, "resolution"),
         ({"origin": "[0, 0, .inf]"}, "origin"),
         ({"origin": "[1e9, 0, 0]"}, "origin"),
         ({"negate": 2}, "negate"),
@@ -107,6 +144,31 @@ def test_what_the_yaml_file_may_not_say(tmp_path: Path, keys: dict[str, Any], me
     assert str(file) in str(caught.value)
 
 
+def test_values_as_other_tools_write_them(tmp_path: Path) -> None:
+    file = write(
+        tmp_path, resolution='"0.05"', mode="Trinary", negate="no", occupied_thresh="'0.65'"
+    )
+    assert load_ros_map(file).resolution == 0.05
+    assert states(file)[0][0] == OCCUPIED
+
+
+@pytest.mark.parametrize(
+    "name", ["/home/robot/maps/plan.pgm", "~/plan.pgm", "maps/plan.pgm", "C:\\maps\\Plan.PGM"]
+)
+def test_paths_of_other_computers_mean_the_image_beside(tmp_path: Path, name: str) -> None:
+    file = write(tmp_path)
+    file.write_text(file.read_text().replace("plan.pgm", name))
+    (assumption,) = load_ros_map(file).assumed
+    assert assumption.taken == "plan.pgm beside the yaml file"
+    (tmp_path / "maps").mkdir()
+    (tmp_path / "plan.pgm").rename(tmp_path / "maps" / "plan.pgm")
+    if name == "maps/plan.pgm":
+        assert load_ros_map(file).assumed == ()
+    else:
+        with pytest.raises(ConfigError, match="copy the image beside it"):
+            load_ros_map(file)
+
+
 @pytest.mark.parametrize("name", ["/etc/map.pgm", "../../map.pgm", "../a/../../../map.pgm"])
 def test_images_elsewhere_are_refused(tmp_path: Path, name: str) -> None:
     home = tmp_path / "a" / "b"
@@ -119,10 +181,11 @@ def test_images_elsewhere_are_refused(tmp_path: Path, name: str) -> None:
 def test_images_beside_of_other_kinds_or_missing(tmp_path: Path) -> None:
     assert load_ros_map(write(tmp_path / "yaml", "../images/plan.png")).free.any()
     with pytest.raises(ConfigError, match="convert it"):
-        load_ros_map(write(tmp_path, "plan.jpg"))
+        load_ros_map(write(tmp_path, "plan.webp"))
     file = write(tmp_path)
     (tmp_path / "plan.pgm").unlink()
-    with pytest.raises(ConfigError, match="there is no such file"):
+    (tmp_path / "Plan.png").touch()
+    with pytest.raises(ConfigError, match=r"there is no 'plan.pgm' .*did you mean 'Plan.png'"):
         load_ros_map(file)
     (tmp_path / "plan.pgm").write_bytes(b"P5\n9 9\n255\nshort")
     with pytest.raises(ConfigError, match="image"):

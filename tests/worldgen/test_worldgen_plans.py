@@ -7,6 +7,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 import pytest
 from cli_calls import answer, output, refusal
 from drawn_plans import PLANS, hall_of_columns, with_noise
@@ -122,6 +123,55 @@ def test_the_piece_with_a_point_is_taken(gap: float) -> None:
         with pytest.raises(InputError) as caught:
             import_plan(plan, "x", inside=point)
         assert message in str(caught.value)
+
+
+def drawn_plan(*, rows: int = 280, columns: int = 380, at: int = 90) -> npt.NDArray[np.int8]:
+    """Two rooms of 18 m^2 with a door between them, on a white sheet; from the top row down."""
+    cells = np.full((rows, columns), FREE, np.int8)
+    house = cells[at : at + 100, 110:270]
+    house[:2], house[-2:], house[:, :2], house[:, -2:] = (100,) * 4
+    house[:40, 79:81], house[60:, 79:81] = 100, 100
+    return cells
+
+
+@pytest.mark.parametrize("frame", [None, 0, 15])
+@pytest.mark.parametrize("at", [0, 90])
+def test_the_white_around_a_drawing_is_not_the_building(frame: int | None, at: int) -> None:
+    cells = drawn_plan(at=at)
+    if frame is not None and at:
+        inside = cells[frame : 280 - frame, frame : 380 - frame]
+        inside[:2], inside[-2:], inside[:, :2], inside[:, -2:] = (100,) * 4
+    plan = OccupancyMap(cells, CELL, Pose(0.0, 0.0, 0.0))
+    clean = cleaned(plan)
+    area, (x, y) = clean.pieces[0]
+    assert area == pytest.approx(37.1, abs=0.3)
+    assert (5.5 < x < 13.5, 0.05 * at < y < 0.05 * at + 5.0) == (True, True)
+    assert "are outside of the walls" in str(clean.assumed[-1])
+    assert clean.picture is not None
+    assert (clean.picture[::-1][at + 50, 150] == (80, 170, 60)).all()
+    assert (clean.picture[::-1][at + 50, 350] == (70, 150, 240)).all()
+    large = cleaned(plan, inside=(15.0, 5.0))
+    assert large.pieces[0][0] > 100.0
+    assert (large.assumed, large.picture) == ((), None)
+
+
+def test_a_loop_around_closed_rooms_is_no_outside() -> None:
+    cells = np.full((300, 400), FREE, np.int8)
+    cells[:2], cells[-2:], cells[:, :2], cells[:, -2:] = (100,) * 4
+    cells[60:240, 60:340] = 100
+    cells[62:238, 62:338] = FREE
+    slam = np.pad(cells, 30, constant_values=-1)
+    for drawn in (cells, slam):
+        clean = cleaned(OccupancyMap(drawn, CELL, Pose(0.0, 0.0, 0.0)))
+        if drawn is slam:
+            assert clean.pieces[0][0] == pytest.approx(165.0, abs=5.0)
+            assert "it is the largest of 2" in str(clean.assumed[0])
+    small = np.full((200, 400), FREE, np.int8)  # a hall, cut off on all sides, with a closet
+    small[50:90, 150:190] = 100
+    small[52:88, 152:188] = FREE
+    clean = cleaned(OccupancyMap(small, CELL, Pose(0.0, 0.0, 0.0)))
+    assert clean.pieces[0][0] > 190.0
+    assert "ground along the border of the image" in str(clean.assumed[0])
 
 
 def test_missions_are_long_unless_the_plan_is_small() -> None:
