@@ -63,7 +63,7 @@ _WIDTH, _QUALITY = 640, 60
 """Width [px] and quality of the pictures."""
 _MAX_PICTURES = 600
 """Largest number of pictures on a page; of longer sequences every second, fourth, ... is shown."""
-_KEPT = "time", "sentence", "notes", "situations", "confidence"
+_KEPT = "time", "statements", "notes", "front", "confidence", "ttc_s"
 _QUADRANTS = ("P1", "P2", "P3", "P4")
 
 
@@ -87,6 +87,7 @@ class PerceivePage:
         if (self._seen - 1) % self._every:
             return
         moment = {name: result[name] for name in _KEPT}
+        moment["contacts"] = contacts
         moment["image"] = reduced_source(picture, _WIDTH, quality=_QUALITY)
         self._moments.append(moment)
         if len(self._moments) > _MAX_PICTURES:

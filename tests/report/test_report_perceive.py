@@ -16,7 +16,7 @@ PROBE = """
 setTimeout(() => {
   const seen = () => [document.getElementById("picture").src.length,
     document.getElementById("time").textContent, document.getElementById("sentence").textContent,
-    document.querySelectorAll("#front tr").length,
+    document.querySelectorAll("#said tr, #contacts tr").length,
     document.getElementById("nearness").toDataURL()].join("|");
   const slider = document.getElementById("slider");
   const before = seen().split("|");
@@ -27,7 +27,7 @@ setTimeout(() => {
   document.body.dataset.rows = after[3];
 }, 500);
 """
-"""Moves the slider to its end; leaves in the page what has changed, and the rows of the front."""
+"""Moves the slider to its end; leaves in the page what has changed, and the rows of words and contacts."""
 PICTURE: Image = np.full((60, 80, 3), 90, np.uint8)
 
 
@@ -37,8 +37,9 @@ def result(number: int, sentence: str = "Front is a wall") -> dict[str, Any]:
         "time": 0.1 * number,
         "sentence": sentence,
         "notes": [],
-        "situation": "wall",
-        "situations": {"wall": 0.8, "unknown": 0.2},
+        "statements": [{"what": "front", "says": sentence, "probability": 0.9, "age_s": 0.2}],
+        "front": {"wall": 0.9, "other": 0.1},
+        "ttc_s": None,
         "known": True,
         "confidence": 0.7,
         "distances": dict.fromkeys(("P1", "P2", "P3", "P4"), contact),
@@ -52,7 +53,7 @@ def test_in_a_browser_the_slider_moves_picture_sentence_and_time(tmp_path: Path)
     assert page.stat().st_size < 3e6
     seen = seen_in_browser(page, PROBE, tmp_path / "profile")
     assert 'data-changed="true true' in seen.body
-    assert 'data-rows="6"' in seen.body
+    assert 'data-rows="7"' in seen.body
     assert [line for line in seen.console if "setting log level" not in line] == []
 
 
