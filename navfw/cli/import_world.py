@@ -45,7 +45,7 @@ class ImportOptions:
         bool, typer.Option("--skip-unsupported", help="SDF: leave out unsupported elements.")
     ] = False
     models: Annotated[
-        Path | None, typer.Option(help="SDF: folder of models, for meshes not beside the world.")
+        Path | None, typer.Option(help="SDF: folder of models that are not beside the world.")
     ] = None
     resolution: Annotated[
         float | None, typer.Option(help="Image: edge of a pixel [m]; a yaml file has its own.")
@@ -203,6 +203,7 @@ def _import_gazebo(
         models=options.models,
     )
     folder = made.write(out)
+    print_assumed(made.assumed)
     data = {
         "folder": str(folder),
         "world": made.world.name,
@@ -214,6 +215,7 @@ def _import_gazebo(
         "meshes": made.meshes,
         "shortest_path_m": made.shortest,
         "skipped": list(made.skipped),
+        "assumed": [one.as_data() for one in made.assumed],
     }
     lines = (
         f"{folder}: {made.world.description}",

@@ -23,7 +23,7 @@ from navfw.sim.furniture_meshes import Up, furniture_mesh
 from navfw.sim.plan_walls import wall_rectangles
 from navfw.sim.shapes import Circle, Rectangle, Shape
 
-MAX_PARTS = 2000
+MAX_PARTS = 4000
 """Largest number of solids for one mesh."""
 
 _CELL = 0.02

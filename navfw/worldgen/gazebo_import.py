@@ -11,14 +11,15 @@ import io
 import re
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.lib.format import read_array
 
-from navfw.config.input_file import is_file, read_input
+from navfw.assumption import Assumption
+from navfw.config.input_file import is_file, read_input, shown_path
 from navfw.config.yamlfile import rewording
 from navfw.errors import ConfigError, InputError, WorldError
 from navfw.missions.missionfile import goals_map
@@ -94,13 +95,17 @@ Start = tuple[float, float, float]
 
 _BORDER = 3.0
 """Width of the floor around all solids, start and goal [m]."""
+_MOST = 20
+"""Number of unsupported elements that are listed."""
+_MAX_STEP = 0.3
+"""Greatest height [m] of a slab that is a floor."""
 _MIN_HEIGHT = 0.02 - 1e-9
 """Least height of a solid above the floor [m], with a margin for rounding."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ImportedWorld(MadeWorld):
-    """The world of an SDF file; ``skipped`` are the elements left out.
+    """The world of an SDF file; ``skipped`` are the elements left out, ``assumed`` what was taken.
 
     ``shortest`` [m] is the length of the shortest path for the default robot, ``meshes`` the number
     of meshes that became boxes and cylinders.
@@ -108,6 +113,7 @@ class ImportedWorld(MadeWorld):
 
     shortest: float
     skipped: tuple[str, ...]
+    assumed: tuple[Assumption, ...]
     barn: bool
     meshes: int
 
@@ -122,7 +128,7 @@ def import_world(
 ) -> ImportedWorld:
     """Import an SDF world; ``start`` (x, y, yaw) and ``goal`` default to BARN's in BARN worlds.
 
-    Meshes are looked up in the world's folder, and in the folder ``models``.
+    Models and meshes are looked up as ``SdfFiles`` says, and in the folder ``models``.
 
     Raises:
         ConfigError: the file is not an SDF world.
@@ -134,13 +140,7 @@ def import_world(
     path = Path(path)
     content = read_sdf(path, models)
     if content.unsupported and not skip_unsupported:
-        raise InputError(
-            "has unsupported elements (static meshes and upright cylinders and boxes are"
-            " supported):\n  "
-            + "\n  ".join(content.unsupported)
-            + "\n--skip-unsupported leaves them out",
-            file=path,
-        )
+        raise _unsupported(path, content)
     barn = _is_barn(content)
     start = start or (_BARN_START if barn else None)
     goal = goal or (_BARN_GOAL if barn else None)
@@ -149,6 +149,7 @@ def import_world(
             option for option, at in (("--start", start), ("--goal", goal)) if at is None
         )
         raise InputError(f"has no start and goal of its own: give {missing}", file=path)
+    _stand_on_floor(content, [start[:2], goal])
     with rewording("is out of range: ", file=path):
         world = _world(path, content, barn, [start[:2], goal])
     check_world(world, file=path)
@@ -158,9 +159,41 @@ def import_world(
         topo_map=goals_map([start[:2], goal]),
         shortest=_shortest_path(path, world, start, goal),
         skipped=tuple(content.unsupported),
+        assumed=tuple(content.assumed),
         barn=barn,
         meshes=content.meshes,
     )
+
+
+def _unsupported(path: Path, content: SdfWorld) -> InputError:
+    """The error that lists the unsupported elements, and says where files were looked up."""
+    lines = content.unsupported[:_MOST]
+    if len(content.unsupported) > _MOST:
+        lines.append(f"{len(content.unsupported) - _MOST} more")
+    what = "\n  ".join(("has unsupported elements:", *lines))
+    if any("not found" in line for line in lines):
+        what += (
+            f"\nlooked in {', '.join(dict.fromkeys(map(shown_path, content.folders)))}; name the"
+        )
+        what += " folder that has the models with --models or GAZEBO_MODEL_PATH"
+    if any("http" in line for line in lines):
+        what += " (gz fuel download -u URL gets them)"
+    return InputError(f"{what}\n--skip-unsupported leaves them out", file=path)
+
+
+def _stand_on_floor(content: SdfWorld, ends: Sequence[Goal]) -> None:
+    """Lower the world by the height of the slab on which both ``ends`` are, if there is one."""
+    points = np.array(ends)
+    slabs = [s for s in content.shapes if s.bottom < _MAX_STEP and 0.0 < s.top <= _MAX_STEP]
+    below = [s for s in slabs if s.shape.distance(points).max() < 0.0]
+    if not below:
+        return
+    floor = max(below, key=lambda solid: solid.top)
+    content.shapes = [
+        replace(s, bottom=s.bottom - floor.top, top=s.top - floor.top) for s in content.shapes
+    ]
+    reason = f"start and goal are on {floor.name!r}"
+    content.assumed.append(Assumption("floor", f"at z = {floor.top:.3g} m", reason))
 
 
 def _world(path: Path, content: SdfWorld, barn: bool, ends: Sequence[Goal]) -> WorldSpec:

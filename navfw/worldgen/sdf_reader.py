@@ -1,187 +1,243 @@
-"""Reader of Gazebo's world files (SDF): their static cylinders, boxes and meshes.
+"""Reader of Gazebo's world files (SDF): their cylinders, boxes and meshes, and included models.
 
-Cylinders and boxes must be upright; meshes become upright parts (``mesh_solids``). The XML must
-have no document type or entities, and a bounded size and depth. Unsupported elements are listed by
-line and name.
+What is no upright cylinder or box becomes upright parts (``mesh_solids``). The XML must have no
+document type or entities, and a bounded size and depth. Unsupported elements are listed by line and
+name.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+import re
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
+from typing import Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from navfw.assumption import Assumption
 from navfw.config.foreign_files import line_of, read_xml
-from navfw.config.input_file import is_file, real_path, shown_path
+from navfw.config.input_file import shown_path
 from navfw.errors import ConfigError, WorldError
 from navfw.meshes import read_triangles
 from navfw.numerics import Array
 from navfw.numerics.products import product
-from navfw.robot.urdf_model import rigid_transform
 from navfw.sim.shapes import Circle, Rectangle, Shape
 from navfw.sim.upright_parts import UprightPart, mesh_solids
+from navfw.worldgen.sdf_models import SdfFiles, SdfFrames, included_model
 
 _MAX_TRIANGLES = 500_000
 """Of a collision mesh; those of rooms have hundreds."""
 
 _UPRIGHT = 1e-3
 """Largest tilt of an upright shape [rad]."""
+_SOLIDS = {
+    "box": {"size": 3},
+    "cylinder": {"radius": 1, "length": 1},
+    "cone": {"radius": 1, "length": 1},
+    "capsule": {"radius": 1, "length": 1},
+    "sphere": {"radius": 1},
+    "ellipsoid": {"radii": 3},
+}
+"""Shapes that are solids, and their sizes with the count of numbers."""
 
 _IGNORED = frozenset(
     {
         *("light", "physics", "gravity", "magnetic_field", "atmosphere", "scene", "gui", "wind"),
-        *("spherical_coordinates", "state", "plugin", "audio", "frame", "joint"),
+        *("spherical_coordinates", "state", "plugin", "audio", "frame", "joint", "include"),
     }
 )
 """Elements of a world that are no solids."""
 _FLAT = ("plane", "empty")
 """Shapes that are no solids."""
-_GROUND = ("model://ground_plane", "model://sun", "ground_plane", "sun")
-"""Included models that are ignored."""
+_GROUND = re.compile(r"(?:.*/)?(ground[_ ]?plane|sun)(?:/\d+|/tip)?", re.IGNORECASE)
+"""Included models of which a world has its own."""
+_DRIVEN = re.compile("drive|planar_?move|velocity_?control", re.IGNORECASE)
+"""What plugins are called that drive a robot."""
+_MIN_HALF = 0.01
+"""Half of the least width of a solid [m]: thinner ones get it."""
+_MAX_DEPTH = 12
+"""Of models within models."""
 
 
 @dataclass
 class SdfWorld:
-    """The content of a file: shapes, and a message for each ``unsupported`` element.
+    """The content of a file: shapes, what is ``assumed``, a message for all ``unsupported``.
 
-    ``meshes`` is the number of meshes whose parts are among the shapes.
+    ``meshes`` is the number of meshes, and of round or leaning shapes, whose parts are among the
+    shapes; ``folders`` are those in which files are looked up.
     """
 
     shapes: list[UprightPart] = field(default_factory=list)
     unsupported: list[str] = field(default_factory=list)
+    assumed: list[Assumption] = field(default_factory=list)
+    folders: list[Path] = field(default_factory=list)
     meshes: int = 0
 
 
 def read_sdf(path: str | Path, models: Path | None = None) -> SdfWorld:
-    """The shapes in an SDF world file; meshes are looked up beside it, and in ``models``.
+    """The shapes in an SDF file of a world, or model; included models and meshes are looked up.
+
+    ``models`` is a folder of models, besides those of ``SdfFiles``.
 
     Raises:
-        ConfigError: the file cannot be read, is not an SDF world, or has an invalid number.
+        ConfigError: a file cannot be read, is not SDF, or has an invalid number or frame.
 
     """
     path = Path(path)
     root = read_xml(path, "an SDF world")
     if root.tag != "sdf":
         raise ConfigError(f"expected an SDF world, got <{root.tag}>", file=path, line=line_of(root))
-    worlds = root.findall("world")
+    worlds = root.findall("world") or ([root] if root.find("model") is not None else [])
     if len(worlds) != 1:
         raise ConfigError(f"expected one <world>, found {len(worlds)}", file=path, line=1)
     return _SdfReader(path, models).read(worlds[0])
 
 
 class _SdfReader:
-    """Collects the shapes of one world.
-
-    A mesh ``model://NAME/FILE`` is looked up in the world's folder, its folder ``models``, and
-    ``models``; other names are files relative to the world's folder or to ``models``. Each file is
-    read once.
-    """
+    """Collects the shapes of one world; each mesh is read once."""
 
     def __init__(self, path: Path, models: Path | None) -> None:
-        self.path = path
-        self._folders = [path.parent, path.parent / "models", *([] if models is None else [models])]
+        self.path = self._file = path
+        self._files = SdfFiles(path, models)
         self._triangles = cache(read_triangles)
-        self.content = SdfWorld()
+        self.content = SdfWorld(folders=self._files.folders)
         self._taken: set[str] = set()
         self._moved: dict[str, Element] = {}
+        self._left: dict[tuple[str, str], list[str]] = {}
 
     def read(self, world: Element) -> SdfWorld:
+        self._include(world, self.path, 0)
         # a saved state has the models' poses at which Gazebo starts
         state = world.find("state")
         if state is not None:
             self._moved = {m.get("name", ""): m for m in state.findall("model")}
+        frames = SdfFrames(world, self.path)
         for element in world:
+            name = element.get("name", "")
             if element.tag == "model":
-                self._model(element, np.eye(4), element.get("name", "model"), outermost=True)
-            elif element.tag == "include":
-                self._include(element)
+                self._outermost(element, frames)
+            elif element.tag == "actor":
+                self._assume("left out", "they walk", name)
             elif element.tag not in _IGNORED:
-                self._unsupported(element, f"<{element.tag}> {element.get('name', '')}".strip())
+                self._unsupported(element, f"<{element.tag}> {name}".strip())
+        self.content.assumed += [
+            Assumption(", ".join(names), taken, reason)
+            for (taken, reason), names in self._left.items()
+        ]
         return self.content
 
-    def _include(self, element: Element) -> None:
-        uri = (element.findtext("uri") or "").strip()
-        if uri not in _GROUND:
-            self._unsupported(element, f"the included model {uri!r}")
+    def _assume(self, taken: str, reason: str, name: str) -> None:
+        self._left.setdefault((taken, reason), []).append(name)
 
-    def _model(self, model: Element, parent: Array, name: str, *, outermost: bool = False) -> None:
-        pose = self._pose(model, name)
-        moved = self._moved.get(name) if outermost else None
+    def _include(self, element: Element, file: Path, depth: int) -> None:
+        """Put the included models, and theirs, into the places of their <include>."""
+        self._file = file
+        for index, child in enumerate(list(element)):
+            if child.tag == "model":
+                self._include(child, file, depth)
+            if child.tag != "include":
+                continue
+            uri = " ".join((child.findtext("uri") or "").split())
+            ground = _GROUND.fullmatch(uri)
+            found = None if ground else self._files.find_model(uri, file)
+            if ground and "sun" not in ground[1].lower():
+                self._assume("the floor, at z = 0", "it is the included one", "ground plane")
+            elif found is not None and depth >= _MAX_DEPTH:
+                what = f"the model {uri!r} is within {depth} others: they include each other"
+                raise ConfigError(what, file=shown_path(file), line=line_of(child))
+            elif found is not None:
+                model = element[index] = included_model(child, file, found)
+                self._include(model, found, depth + 1)
+                self._file = file
+            elif not ground:
+                self._unsupported(child, f"the included model {uri!r}: not found")
+        self._file = self.path
+
+    def _outermost(self, model: Element, frames: SdfFrames) -> None:
+        name = model.get("name", "model")
+        moved = self._moved.get(name)
+        pose = frames.place(model)
         if moved is not None:
-            if moved.find("pose") is not None:
-                pose = self._pose(moved, name)
             scale = self._numbers(moved, "scale", 3, [1.0, 1.0, 1.0])
             if scale != [1.0, 1.0, 1.0]:
                 self._unsupported(moved, f"the scaled model {name!r}")
                 return
-        if pose is None:
-            return
-        placed = product(parent, pose)
-        static = (model.findtext("static") or "0").strip() in ("1", "true")
+            if moved.find("pose") is not None:
+                self._assume("where <state> has them", "Gazebo starts there", name)
+                pose = frames.place(moved)
+        static = any(
+            (one.findtext("static") or "").strip().lower() in ("1", "true")
+            for one in model.iter("model")
+        )
         shapes = (shape for shapes in model.iterfind(".//collision/geometry") for shape in shapes)
-        if outermost and not static and any(shape.tag not in _FLAT for shape in shapes):
-            self._unsupported(model, f"the model {name!r}, which is not static")
-            return
-        for link in model.findall("link"):
-            link_pose = self._pose(link, name)
-            if link_pose is None:
-                continue
-            for collision in link.findall("collision"):
-                collision_pose = self._pose(collision, name)
-                if collision_pose is not None:
-                    self._collision(collision, product(placed, link_pose, collision_pose), name)
-        for nested in model.findall("model"):
-            self._model(nested, placed, f"{name}-{nested.get('name', 'model')}")
-        for include in model.findall("include"):
-            self._include(include)
+        if not static and any(shape.tag not in _FLAT for shape in shapes):
+            plugins = (p.get("name", "") + p.get("filename", "") for p in model.iter("plugin"))
+            if any(map(_DRIVEN.search, plugins)):
+                self._assume("left out", "a plugin drives it", name)
+                return
+            self._assume("standing still", "not static in the file", name)
+        self._model(model, pose, name, frames.file)
 
-    def _pose(self, element: Element, model: str) -> Array | None:
-        """The pose; None, listed as unsupported, when it refers to another frame."""
-        pose = element.find("pose")
-        if pose is None:
-            return np.eye(4)
-        if pose.get("relative_to") or pose.get("frame"):
-            self._unsupported(pose, f"a pose in another frame of the model {model!r}")
-            return None
-        return rigid_transform(*self._numbers(element, "pose", 6, [0.0] * 6))
+    def _model(self, model: Element, placed: Array, name: str, file: Path) -> None:
+        frames = SdfFrames(model, file)
+        for link in model.findall("link"):
+            at = frames.place(link)
+            for collision in link.findall("collision"):
+                self._file = frames.file
+                self._collision(collision, product(placed, frames.place(collision, at)), name)
+        for nested in model.findall("model"):
+            at = product(placed, frames.place(nested))
+            self._model(nested, at, f"{name}-{nested.get('name', 'model')}", frames.file)
 
     def _collision(self, collision: Element, pose: Array, model: str) -> None:
         geometry = collision.find("geometry")
         for shape in geometry if geometry is not None else ():
-            if shape.tag == "cylinder":
-                self._cylinder(shape, pose, model)
-            elif shape.tag == "box":
-                self._box(shape, pose, model)
-            elif shape.tag == "mesh":
+            if shape.tag == "mesh":
                 self._mesh(shape, pose, model)
+            elif shape.tag in _SOLIDS:
+                upright = int(np.argmax(np.abs(pose[2, :3])))
+                standing = abs(pose[2, upright]) >= math.cos(_UPRIGHT)
+                if shape.tag == "cylinder" and standing and upright == 2:
+                    self._cylinder(shape, pose, model)
+                elif shape.tag == "box" and standing:
+                    self._box(shape, pose, model, upright)
+                else:
+                    self._parts(self._solid(shape), shape, pose, model)
             elif shape.tag not in _FLAT:
                 self._unsupported(shape, f"a <{shape.tag}> of the model {model!r}")
 
     def _cylinder(self, shape: Element, pose: Array, model: str) -> None:
-        if abs(pose[2, 2]) < math.cos(_UPRIGHT):
-            self._unsupported(shape, f"a tilted cylinder of the model {model!r}")
-            return
         radius, length = (self._size(shape, key, 1)[0] for key in ("radius", "length"))
         x, y, z = pose[:3, 3].tolist()
-        self._add(model, Circle(x, y, radius), z - 0.5 * length, z + 0.5 * length)
+        self._add(model, Circle(x, y, max(radius, _MIN_HALF)), z - 0.5 * length, z + 0.5 * length)
 
-    def _box(self, shape: Element, pose: Array, model: str) -> None:
+    def _box(self, shape: Element, pose: Array, model: str, upright: int) -> None:
         size = self._size(shape, "size", 3)
-        upright = int(np.argmax(np.abs(pose[2, :3])))
-        if abs(pose[2, upright]) < math.cos(_UPRIGHT):
-            self._unsupported(shape, f"a tilted box of the model {model!r}")
-            return
         # a box may rest on any of its faces: its two other edges are horizontal
         first, second = ((upright + 1) % 3, (upright + 2) % 3)
         yaw = math.atan2(pose[1, first], pose[0, first])
         x, y, z = pose[:3, 3].tolist()
-        outline = Rectangle(x, y, 0.5 * size[first], 0.5 * size[second], yaw)
+        half_x, half_y = (max(0.5 * size[n], _MIN_HALF) for n in (first, second))
+        outline = Rectangle(x, y, half_x, half_y, yaw)
         self._add(model, outline, z - 0.5 * size[upright], z + 0.5 * size[upright])
+
+    def _solid(self, shape: Element) -> Array:
+        """Triangles (n, 3, 3) [m] of a shape around its own middle."""
+        from trimesh import creation
+
+        make: Any = creation
+        keys = _SOLIDS[shape.tag].items()
+        sizes = [number for key, count in keys for number in self._size(shape, key, count)]
+        if shape.tag == "box":
+            mesh = make.box(sizes)
+        elif shape.tag in {"sphere", "ellipsoid"}:
+            mesh = make.icosphere().apply_scale(sizes if len(sizes) > 1 else sizes[0])
+        else:  # cylinder, cone, capsule
+            mesh = getattr(make, shape.tag)(radius=sizes[0], height=sizes[1])
+        return np.asarray(mesh.triangles - mesh.bounds.mean(axis=0), dtype=np.float64)
 
     def _mesh(self, shape: Element, pose: Array, model: str) -> None:
         uri = (shape.findtext("uri") or "").strip()
@@ -189,35 +245,25 @@ class _SdfReader:
             self._unsupported(shape, f"a part of a mesh (<submesh>) of the model {model!r}")
             return
         scale = self._numbers(shape, "scale", 3, [1.0, 1.0, 1.0])
-        file = next((path for path in self._candidates(uri) if is_file(path)), None)
+        file = self._files.find(uri, self._file)
         if file is None:
-            folders = ", ".join(str(shown_path(folder)) for folder in self._folders)
-            self._unsupported(
-                shape,
-                f"the mesh {uri!r} of the model {model!r}: no such file within {folders}; copy it"
-                " there, or name the folder that has its model with --models",
-            )
+            self._unsupported(shape, f"the mesh {uri!r} of the model {model!r}: not found")
             return
-        triangles = self._triangles(file, _MAX_TRIANGLES)
+        self._parts(self._triangles(file, _MAX_TRIANGLES) * scale, shape, pose, model, uri)
+
+    def _parts(
+        self, triangles: Array, shape: Element, pose: Array, model: str, uri: str = ""
+    ) -> None:
+        """Add the upright parts of triangles (n, 3, 3) [m] at ``pose``."""
         try:
-            parts = mesh_solids(product(triangles * scale, pose[:3, :3].T) + pose[:3, 3])
+            parts = mesh_solids(product(triangles, pose[:3, :3].T) + pose[:3, 3])
         except WorldError as error:
             raise WorldError(
-                f"the mesh {uri!r} {error}", file=self.path, line=line_of(shape)
+                f"the {shape.tag} {uri!r} {error}", file=shown_path(self._file), line=line_of(shape)
             ) from None
         self.content.meshes += 1
         for solid in parts:
             self._add(model, solid.shape, solid.bottom, solid.top, self.content.meshes)
-
-    def _candidates(self, uri: str) -> Iterator[Path]:
-        """Where the mesh may be, within the folders once links are followed."""
-        name = uri.removeprefix("model://").removeprefix("file://")
-        if not name or "://" in name or "\0" in name:
-            return
-        for folder in self._folders:
-            path = real_path(folder / name)
-            if any(path.is_relative_to(real_path(allowed)) for allowed in self._folders):
-                yield path
 
     def _add(self, model: str, shape: Shape, bottom: float, top: float, mesh: int = 0) -> None:
         """Add a solid with a unique name."""
@@ -229,14 +275,15 @@ class _SdfReader:
         self.content.shapes.append(UprightPart(shape, bottom, top, name, mesh))
 
     def _unsupported(self, element: Element, what: str) -> None:
-        self.content.unsupported.append(f"line {line_of(element)}: {what}")
+        at = "line " if self._file == self.path else f"{shown_path(self._file)}:"
+        self.content.unsupported.append(f"{at}{line_of(element)}: {what}")
 
     def _size(self, shape: Element, key: str, count: int) -> list[float]:
         numbers = self._numbers(shape, key, count, [])
         if not numbers or min(numbers) <= 0.0:
             raise ConfigError(
                 f"expected {'sizes' if count > 1 else 'a size'} above 0 m, got {numbers or 'none'}",
-                file=self.path,
+                file=shown_path(self._file),
                 line=line_of(shape),
                 key=f"{shape.tag}.{key}",
             )
@@ -256,7 +303,7 @@ class _SdfReader:
         if len(numbers) != count or not all(abs(number) < 1e6 for number in numbers):
             raise ConfigError(
                 f"expected {count} number{'s' if count > 1 else ''}, got {' '.join(text)!r}",
-                file=self.path,
+                file=shown_path(self._file),
                 line=line_of(child),
                 key=f"{element.tag}.{key}",
             )

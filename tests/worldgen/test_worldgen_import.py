@@ -95,15 +95,12 @@ def test_saved_state_moves_models(tmp_path: Path) -> None:
 
 
 UNSUPPORTED = {
-    "sphere": model("ball", "<sphere><radius>1</radius></sphere>"),
+    "heightmap": model("hill", "<heightmap><uri>a.png</uri></heightmap>"),
+    "polyline": model("fence", "<polyline><point>0 0</point></polyline>"),
     "mesh": model("robot", "<mesh><uri>file://a.dae</uri></mesh>"),
-    "leaning cylinder": model("pisa", cylinder(), "0 0 0 0.2 0 0"),
-    "leaning box": model("ramp", box(), "0 0 0 0 0.3 0"),
-    "not static": model("cart", box(), static="0"),
+    "part": model("wheel", "<mesh><uri>file://a.dae</uri><submesh/></mesh>"),
     "include": "<include><uri>model://cafe_table</uri></include>",
-    "actor": "<actor name='walker'/>",
-    "other frame": "<model name='far'><static>1</static><pose relative_to='x'>1 0 0 0 0 0</pose>"
-    f"<link name='l'><collision name='c'><geometry>{box()}</geometry></collision></link></model>",
+    "population": "<population name='cans'/>",
 }
 
 
@@ -112,7 +109,7 @@ def test_unsupported_elements_are_errors_with_line_and_name(tmp_path: Path, what
     path = sdf(tmp_path, model("post", cylinder(), "3 3 0.5 0 0 0"), UNSUPPORTED[what])
     with pytest.raises(InputError, match="--skip-unsupported") as caught:
         import_world(path, start=(0, 0, 0), goal=(0, 4))
-    name = {"include": "cafe_table", "actor": "walker"}.get(what)
+    name = {"include": "cafe_table", "population": "cans"}.get(what)
     assert (name or UNSUPPORTED[what].split("'")[1]) in str(caught.value)
     assert "line 7" in str(caught.value)
     made = import_world(path, start=(0, 0, 0), goal=(0, 4), skip_unsupported=True)
@@ -250,9 +247,9 @@ def test_import_command(tmp_path: Path) -> None:
     data = answer("world", "import", barn(tmp_path), "--out", out)
     assert (data["cylinders"], data["boxes"], data["skipped"], data["barn"]) == (31, 0, [], True)
     assert load_world(out / "world.yaml").name == "hall"
-    path = sdf(tmp_path, UNSUPPORTED["sphere"])
+    path = sdf(tmp_path, UNSUPPORTED["heightmap"])
     words = ("world", "import", path, "--out", out, "--start", "-1,0,0.5", "--goal", "2,-3")
-    assert "'ball'" in refusal(*words)
+    assert "'hill'" in refusal(*words)
     done = invoke(*words, "--skip-unsupported")
     assert done.exit_code == 0, done.stderr
     assert "left out: line" in done.stderr

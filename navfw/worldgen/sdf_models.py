@@ -1,0 +1,162 @@
+"""Files and frames of SDF worlds: included models are put in their places, poses are composed.
+
+A model is looked up as Gazebo does, by its folder's name in folders of models.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import unquote
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from navfw.config.foreign_files import line_of, read_xml
+from navfw.config.input_file import is_file, real_path, shown_path
+from navfw.config.lookup import package_folders
+from navfw.errors import ConfigError, did_you_mean
+from navfw.numerics import Array
+from navfw.numerics.products import product
+from navfw.robot.sdf_pose import sdf_pose
+
+_PATHS = ("GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH")
+"""Variables of the environment with folders of models."""
+_FUEL = re.compile(r"https?://[^/]*(?:gazebosim|ignitionrobotics)[^/]*/.*/models/([^/]+)(?:/.*)?")
+"""An address of a model on Fuel, Gazebo's collection."""
+_FILE = "navfw-file"
+"""Attribute of an element that was read from another file than those around it."""
+_FRAMES = ("joint", "frame", "model", "link")
+"""Elements whose names are frames; of one name the last counts."""
+_HERE: Array = np.eye(4)
+
+
+class SdfFiles:
+    """The files that a world names: ``model://NAME/FILE``, or relative to the file that names them.
+
+    ``folders`` of models are the world's own, ``models`` in it and beside it, the one of
+    ``--models``, and those of Gazebo's variables.
+    """
+
+    def __init__(self, world: Path, models: Path | None) -> None:
+        named = (os.environ.get(name, "").split(os.pathsep) for name in _PATHS)
+        self.folders = [
+            *(world.parent, world.parent / "models", world.absolute().parent.parent / "models"),
+            *([] if models is None else [models]),
+            *(Path(path) for paths in named for path in paths if path),
+        ]
+
+    def find(self, uri: str, near: Path) -> Path | None:
+        """The file that the file ``near`` calls so, within the folders once links are followed."""
+        return next((path for path in self._paths(uri, near) if is_file(path)), None)
+
+    def find_model(self, uri: str, near: Path) -> Path | None:
+        """The SDF file of a model: one of that name, or in the folder of that name."""
+        fuel = _FUEL.fullmatch(uri)
+        for name in (unquote(fuel[1]), unquote(fuel[1]).lower()) if fuel else (uri,):
+            for path in self._paths(name, near):
+                versions = sorted(
+                    path.glob("[0-9]*/model.sdf"), key=lambda file: int(file.parent.name)
+                )
+                for file in (path, path / _sdf_name(path), *versions[-1:]):
+                    if is_file(file):
+                        return file
+        return None
+
+    def _paths(self, uri: str, near: Path) -> Iterator[Path]:
+        name = re.sub(r"^(model|file|package)://", "", uri)
+        if not name or "://" in name or "\0" in name:
+            return
+        allowed = [near.parent, *self.folders]
+        first, _, rest = name.partition("/")
+        folders = package_folders(first, allowed)
+        for path in (folder / rest for folder in folders) if first else (Path(name),):
+            if any(real_path(path).is_relative_to(real_path(folder)) for folder in allowed):
+                yield real_path(path)
+
+
+def _sdf_name(folder: Path) -> str:
+    """The name of the SDF file of the model in ``folder``: that of the last version."""
+    try:
+        files = read_xml(folder / "model.config", "a model.config").findall("sdf")
+    except ConfigError:
+        return "model.sdf"  # Gazebo needs no model.config, and reads damaged ones
+    files.sort(key=lambda sdf: [int(n) for n in re.findall(r"\d+", sdf.get("version", "0"))])
+    return (files[-1].text or "").strip() if files else "model.sdf"
+
+
+def included_model(include: Element, file: Path, found: Path) -> Element:
+    """The model in the file ``found`` under name, pose and other values of <include> in ``file``.
+
+    Raises:
+        ConfigError: the file is no SDF file of a model.
+
+    """
+    root = read_xml(found, "an SDF model")
+    model = root.find("model")
+    if root.tag != "sdf" or model is None:
+        what = f"expected an SDF <model>, got <{root.tag}>"
+        raise ConfigError(what, file=shown_path(found), line=line_of(root))
+    model.set(_FILE, str(found))
+    model.set("name", (include.findtext("name") or model.get("name") or "model").strip())
+    for tag in ("pose", "static", "placement_frame"):
+        element = include.find(tag)
+        if element is not None:
+            for own in model.findall(tag):
+                model.remove(own)
+            element.set(_FILE, str(file))
+            model.append(element)
+    if include.find("placement_frame") is not None:
+        model.set("placement_frame", (include.findtext("placement_frame") or "").strip())
+    return model
+
+
+class SdfFrames:
+    """The frames within a world or model, in which its elements have their poses."""
+
+    def __init__(self, element: Element, file: Path) -> None:
+        self.element = element
+        self.file = Path(element.get(_FILE, str(file)))
+        self._named = {
+            child.get("name", ""): child for tag in _FRAMES for child in element.findall(tag)
+        }
+        self._asked: list[Element] = []
+
+    def place(self, element: Element, base: Array = _HERE) -> Array:
+        """The transform (4, 4) of an element, relative to ``base`` if its pose names no frame.
+
+        Raises:
+            ConfigError: the pose is damaged, or its frame is not there, or depends on itself.
+
+        """
+        pose = element.find("pose")
+        frame = element.get("attached_to", "")
+        if element.tag == "joint":
+            frame = (element.findtext("child") or "").strip()
+        own = _HERE
+        if pose is not None:
+            frame = pose.get("relative_to") or pose.get("frame") or frame
+            own = sdf_pose(pose, shown_path(Path(pose.get(_FILE, str(self.file)))))
+        placed: Array = product(self._frame(frame, element) if frame else base, own)
+        placement = element.get("placement_frame")
+        if placement:
+            inner = SdfFrames(element, self.file)._frame(placement, element)
+            placed = product(placed, np.asarray(np.linalg.inv(inner)))
+        return placed
+
+    def _frame(self, name: str, asker: Element) -> Array:
+        first, _, rest = name.partition("::")
+        if first in {"__model__", "world" if self.element.tag == "world" else ""}:
+            return _HERE
+        element = self._named.get(first)
+        if element is None or element in self._asked:
+            what = f"unknown frame {name!r}; {did_you_mean(first, self._named)}"
+            if element is not None:
+                what = f"the frame {name!r} depends on itself"
+            raise ConfigError(what, file=shown_path(self.file), line=line_of(asker), key="pose")
+        self._asked.append(element)
+        frame = self.place(element)
+        self._asked.pop()
+        return product(frame, SdfFrames(element, self.file)._frame(rest, asker)) if rest else frame
