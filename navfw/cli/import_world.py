@@ -203,7 +203,6 @@ def _import_gazebo(
         models=options.models,
     )
     folder = made.write(out)
-    print_assumed(made.assumed)
     data = {
         "folder": str(folder),
         "world": made.world.name,
@@ -221,7 +220,7 @@ def _import_gazebo(
         f"{folder}: {made.world.description}",
         f"{made.shortest:.1f} m from start to goal; navfw run {folder} {MISSION}",
     )
-    return data, lines, tuple(made.skipped), ()
+    return data, lines, tuple(made.skipped), made.assumed
 
 
 def _print(made: Sequence[Made], *, single: bool, json: bool) -> None:
