@@ -75,7 +75,7 @@ def decode_image(
             image = None
     if _DAMAGED.search(b"".join(said)):
         raise ConfigError("the image is damaged: a part of its pixels is lost", file=name)
-    if image is None:
+    if image is None or image.dtype not in (np.uint8, np.uint16):
         raise ConfigError(
             "the image is damaged, or its pixels have neither 8 nor 16 bits", file=name
         )

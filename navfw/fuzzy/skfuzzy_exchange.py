@@ -60,12 +60,14 @@ def control_system_of(rule_base: RuleBase) -> Any:
     """
     control = _control()
     with without_warnings():
-        inputs = {v.name: control.Antecedent(v.universe, v.name) for v in rule_base.inputs.values()}
-        outputs = {
-            v.name: control.Consequent(v.universe, v.name) for v in rule_base.outputs.values()
-        }
-        for variables, made in ((rule_base.inputs, inputs), (rule_base.outputs, outputs)):
+        inputs: dict[str, Any] = {}
+        outputs: dict[str, Any] = {}
+        for made, kind, variables in (
+            (inputs, control.Antecedent, rule_base.inputs),
+            (outputs, control.Consequent, rule_base.outputs),
+        ):
             for name, variable in variables.items():
+                made[name] = kind(variable.universe, name)
                 for term in variable.terms:
                     made[name][term] = variable.sampled(term)
         for rule in rule_base.rules:
@@ -122,23 +124,13 @@ def from_control_system(
 
     """
     path, system = Path(path), getattr(system, "ctrl", system)
+    if not isinstance(system, _control().ControlSystem):
+        raise RuleBaseError(f"expected a ControlSystem or its simulation, got {system!r:.60}")
     rules = [node for node in system.graph.nodes if isinstance(node, _control().Rule)]
     variables = {"inputs": list(system.antecedents), "outputs": list(system.consequents)}
-    known = [variable for both in variables.values() for variable in both]
-    problems = [what for rule in rules for what in _differences(rule, variables["inputs"])]
-    for output in variables["outputs"]:
-        if "centroid" not in output.defuzzify_method.lower():
-            what = f"{output.label}: defuzzify_method {output.defuzzify_method!r}, navfw has only "
-            problems.append(f"{what}'centroid': set it in the system")
-        if not _equal(output.accumulation_method, max):
-            problems.append(f"{output.label}: its accumulation_method is not the maximum")
-    names = {variable: _name(variable.label) for variable in known}
+    problems = list(_differences(rules, **variables))
+    names = {variable: _name(variable.label) for both in variables.values() for variable in both}
     norms = {_norm(rule) for rule in rules} - {None}
-    if len(norms) > 1:
-        problems.append("some rules have the minimum as and_func, others the product: use one")
-    for labels in ([v.label for v in known], *(list(v.terms) for v in known)):
-        if len({_name(label) for label in labels}) < len(labels):
-            problems.append(f"two of {labels} are one name in navfw: letters, digits and _")
     data: dict[str, Any] = {"name": path.stem, "and": next(iter(norms), "min")}
     for section, members in variables.items():
         data[section] = {}
@@ -177,19 +169,30 @@ def _norm(rule: Any) -> str | None:
     return "min" if _equal(rule.and_func, min) else "prod" if _equal(rule.and_func, mul) else ""
 
 
-def _differences(rule: Any, inputs: list[Any]) -> Iterator[str]:
-    """What navfw would compute differently of a rule."""
-    if _norm(rule) == "":
-        yield f"rule {rule.label}: and_func is neither the minimum nor the product"
-    if "or" in _kinds(rule.antecedent) and not _equal(rule.or_func, max):
-        yield f"rule {rule.label}: or_func is not the maximum"
-    for term in rule.antecedent_terms:
-        if term.parent not in inputs:
-            yield f"rule {rule.label}: {term.full_label} is an output: make two systems of the two"
-    for conclusion in rule.consequent:
-        if not 0.0 < conclusion.weight <= 1.0:
-            what = "expected a weight above 0 and at most 1"
-            yield f"rule {rule.label}: {what}, got {conclusion.weight:g}"
+def _differences(rules: list[Any], inputs: list[Any], outputs: list[Any]) -> Iterator[str]:
+    """What navfw would compute differently, or cannot name."""
+    for rule in rules:
+        where = f"IF {rule.antecedent}"
+        if _norm(rule) == "":
+            yield f"{where}: and_func is neither the minimum nor the product"
+        if "or" in _kinds(rule.antecedent) and not _equal(rule.or_func, max):
+            yield f"{where}: or_func is not the maximum"
+        terms = (t.full_label for t in rule.antecedent_terms if t.parent not in inputs)
+        yield from (f"{where}: {term} is an output: make two systems of the two" for term in terms)
+        weights = (one.weight for one in rule.consequent if not 0.0 < one.weight <= 1.0)
+        yield from (f"{where}: expected a weight of 0 to 1, got {weight:g}" for weight in weights)
+    if len({_norm(rule) for rule in rules} - {None}) > 1:
+        yield "some rules have the minimum as and_func, others the product: use one"
+    for output in outputs:
+        if "centroid" not in (method := output.defuzzify_method.lower()):
+            what = f"defuzzify_method {method!r}, navfw has only 'centroid': set it in the system"
+            yield f"{output.label}: {what}"
+        if not _equal(output.accumulation_method, max):
+            yield f"{output.label}: its accumulation_method is not the maximum"
+    known = [*inputs, *outputs]
+    for labels in ([v.label for v in known], *(list(v.terms) for v in known)):
+        if len({_name(label) for label in labels}) < len(labels):
+            yield f"two of {labels} are one name in navfw: letters, digits and _"
 
 
 def _name(label: object) -> str:
@@ -250,16 +253,9 @@ def _sentences(rule: Any, names: Mapping[Any, str]) -> Iterator[str]:
                 return Or(clause_of(term.term1), clause_of(term.term2))
         return Is(names[term.parent], _name(term.label))
 
-    groups: list[tuple[float, dict[str, str]]] = []
-    for conclusion in rule.consequent:
-        output, term = names[conclusion.term.parent], _name(conclusion.term.label)
-        weight = float(conclusion.weight)
-        fitting = [said for by, said in groups if by == weight and output not in said]
-        if fitting:
-            fitting[0][output] = term
-        else:
-            groups.append((weight, {output: term}))
-    for weight, said in groups:
-        conclusions = ", ".join(f"{output} IS {term}" for output, term in said.items())
-        with_weight = "" if weight == 1.0 else f" WITH {weight!r}"
-        yield f"IF {clause_of(rule.antecedent)} THEN {conclusions}{with_weight}"
+    said = [(names[c.term.parent], _name(c.term.label), c.weight) for c in rule.consequent]
+    outputs, _, weights = map(set, zip(*said, strict=True))
+    for group in [said] if len(weights) == 1 and len(outputs) == len(said) else [[s] for s in said]:
+        conclusions = ", ".join(f"{output} IS {term}" for output, term, _ in group)
+        weight = "" if group[0][2] == 1.0 else f" WITH {float(group[0][2])!r}"
+        yield f"IF {clause_of(rule.antecedent)} THEN {conclusions}{weight}"

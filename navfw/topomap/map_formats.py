@@ -199,6 +199,8 @@ def load_any_map(
         document = parse_yaml(read_input_text(path), shown_path(path))
         if (nodes := nodes_path(document)) is not None:
             return read_tmap(document, nodes, both_ways)
+        if path.suffix.lower() not in _WRITERS:
+            raise MapError("expected nodes, as of topological_navigation", file=shown_path(path))
         return mapfile.load_map(path) if check_kind is None else mapfile.load_map(path, check_kind)
     if _WRITERS[_suffix(path)] is graphml_text:
         return _GraphmlReader(path, both_ways).read()

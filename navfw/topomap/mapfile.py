@@ -183,6 +183,7 @@ class MapImporter:
         self._one_way: dict[tuple[str, str], int] = {}
         self._directed: dict[tuple[str, str], int] = {}
         self._repeated: list[str] = []
+        self._loops: list[str] = []
 
     def add_place(self, name: str, values: dict[str, Any], line: int, key: str) -> None:
         """Add a place of ``line`` in the file; ``key`` names it in error messages.
@@ -207,6 +208,9 @@ class MapImporter:
     ) -> None:
         """Add an edge; a ``directed`` one makes a passage together with the opposite edge."""
         edge = {"from": a, "to": b, **_kept(values, EDGE_KEYS)}
+        if directed and a == b:
+            self._loops.append(str(line))
+            return
         if directed:
             index = self._directed.get((a, b))
             if index is not None:
@@ -240,7 +244,9 @@ class MapImporter:
             MapError: an edge is one-way only, or the map is invalid.
 
         """
-        for (a, b), index in ({} if self._both_ways else self._one_way).items():
+        # of an end that is no place it is said first
+        known = all({edge["from"], edge["to"]} <= self._places.keys() for edge in self._edges)
+        for (a, b), index in (self._one_way if known and not self._both_ways else {}).items():
             raise MapError(
                 f"leads only from {a!r} to {b!r}, but passages are two-way: add the edge from "
                 f"{b!r} to {a!r}, or convert with --both-ways",
@@ -257,10 +263,13 @@ class MapImporter:
             data["landmarks"] = self._landmarks
         made = read_map(YamlDocument(self._file, data, {(): Origin(self._file), **self._origins}))
         assumed = [*self._frame.assumed]
-        if self._repeated:
-            lines = ", ".join(self._repeated[:5]) + (", ..." if len(self._repeated) > 5 else "")
-            reason = f"line {lines} lists the same ends again"
-            assumed.append(Assumption("repeated edges", "the shortest of each", reason))
+        for what, taken, lines, why in (
+            ("repeated edges", "the shortest of each", self._repeated, "lists the same ends again"),
+            ("edges of one place", "left out", self._loops, "leads back to where it begins"),
+        ):
+            if lines:
+                listed = ", ".join(lines[:5]) + (", ..." if len(lines) > 5 else "")
+                assumed.append(Assumption(what, taken, f"line {listed} {why}"))
         return made.replaced(assumed=assumed)
 
     def _leave_out_rounded_lengths(self) -> None:

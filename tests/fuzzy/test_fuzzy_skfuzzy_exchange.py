@@ -128,7 +128,10 @@ def twice(tip: Tip) -> list[Any]:
 REFUSED: list[tuple[Callable[[Tip], list[Any]], str]] = [
     (lambda tip: tip.rules(and_func=lambda a, b: a * b / 2), "neither the minimum nor the product"),
     (lambda tip: tip.rules(or_func=np.add), "or_func is not the maximum"),
-    (lambda tip: [control.Rule(tip.quality["poor"], tip.tip["low"] % 2.0)], "at most 1, got 2"),
+    (
+        lambda tip: [control.Rule(tip.quality["poor"], tip.tip["low"] % 2.0)],
+        "0 to 1, got 2",
+    ),
     (chained, r"tip\[low\] is an output"),
     (mixed, "others the product"),
     (joined, "tip: its accumulation_method is not the maximum"),
@@ -151,6 +154,11 @@ def test_other_crisp_values_than_the_centroid_are_refused(method: str, tmp_path:
     system = control.ControlSystem(Tip(method=method).rules())
     with pytest.raises(RuleBaseError, match=f"tip: defuzzify_method '{method}', .* 'centroid'"):
         from_control_system(system, tmp_path / "tip.yaml")
+
+
+def test_only_systems_and_their_simulations_become_rules(tmp_path: Path) -> None:
+    with pytest.raises(RuleBaseError, match="expected a ControlSystem or its simulation, got IF"):
+        from_control_system(Tip().rules()[0], tmp_path / "tip.yaml")
 
 
 def test_sparse_rules_need_a_default(tmp_path: Path) -> None:

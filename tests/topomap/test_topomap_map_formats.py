@@ -188,6 +188,18 @@ def test_an_edge_that_is_listed_twice_is_the_shorter_one(tmp_path: Path) -> None
     assert_refused(path, MapError, ["leads only from '0' to '1'"])
 
 
+def test_an_edge_of_one_place_is_left_out_and_an_unknown_end_is_named(tmp_path: Path) -> None:
+    data = nav2_graph()
+    data["features"].append(feature("LineString", id=9, startid=1, endid=1))
+    topo_map = load_any_map(write(tmp_path / "graph.geojson", data))
+    assert len(topo_map.passages) == 1
+    assert "edges of one place: left out" in str(topo_map.assumed[0])
+    unknown = TMAP.replace("node: WayPoint2}", "node: WayPoint3}", 1)
+    words = ["farm.tmap2:7: edges[0].to: there is no place 'WayPoint3'"]
+    assert_refused(write(tmp_path / "farm.tmap2", unknown), MapError, words)
+    assert_refused(write(tmp_path / "a.tmap2", "nodes: []"), MapError, ["expected nodes"])
+
+
 @pytest.mark.parametrize("ids", [("0", "1"), (0.0, 1.0)])
 def test_ids_as_other_tools_write_them(tmp_path: Path, ids: tuple[Any, Any]) -> None:
     data = nav2_graph()

@@ -187,6 +187,10 @@ def test_images_beside_of_other_kinds_or_missing(tmp_path: Path) -> None:
     (tmp_path / "Plan.png").touch()
     with pytest.raises(ConfigError, match=r"there is no 'plan.pgm' .*did you mean 'Plan.png'"):
         load_ros_map(file)
+    floats = write(tmp_path, "plan.tif", GREYS.astype(np.float32) / 255.0)
+    with pytest.raises(ConfigError, match="neither 8 nor 16 bits"):
+        load_ros_map(floats)
+    file = write(tmp_path)
     (tmp_path / "plan.pgm").write_bytes(b"P5\n9 9\n255\nshort")
     with pytest.raises(ConfigError, match="image"):
         load_ros_map(file)
