@@ -336,7 +336,11 @@ def test_maps_of_topological_navigation_are_read(tmp_path: Path, name: str) -> N
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("node: WayPoint1}\n    name", "node: Way}\n    name", ["farm.tmap2:7: ", "leads only"]),
+        (
+            "node: WayPoint1}\n    name",
+            "node: Way}\n    name",
+            ["farm.tmap2:16: ", "no place 'Way'"],
+        ),
         ("edge_id: WayPoint1_WayPoint2, node: WayPoint2", "edge_id: a", ["7: ", "the key node"]),
         ("position: {x: 3.0", "at: {x: 3.0", ["farm.tmap2:14: nodes[1].node", "name and pose"]),
         ("x: 3.0, y: 4.0", "y: 4.0", ["places.WayPoint2.x", "missing"]),
