@@ -14,7 +14,7 @@ from navfw.cli.output import echo, print_json, quiet_stdout
 from navfw.cli.warm import compile_with_progress
 from navfw.config.file_kinds import FILE_KINDS, FileKind
 from navfw.config.input_file import no_such_file, real_path, shown_path
-from navfw.config.lookup import project_folder
+from navfw.config.lookup import URDF_SUFFIXES, project_folder
 from navfw.errors import ConfigError, InputError, PluginError, UnknownNameError, did_you_mean
 
 if TYPE_CHECKING:
@@ -197,6 +197,8 @@ def _kind_of(path: Path) -> FileKind:
     """The kind of the data file at ``path``: by its own name, its folder's, or its keys."""
     from navfw.config.document import load_yaml
 
+    if path.suffix in URDF_SUFFIXES:
+        return FILE_KINDS["robot"]
     for kind in FILE_KINDS.values():
         if path.name == kind.file_name or path.absolute().parent.name in kind.folders:
             return kind

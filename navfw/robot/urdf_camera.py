@@ -104,22 +104,28 @@ def _views(model: UrdfModel, link: str | None = None) -> list[_CameraView]:
     return [_view(model, name) for name in sorted(named, key=lambda name: "optical" in name)]
 
 
-def camera_of(model: UrdfModel) -> tuple[dict[str, Any], str | None]:
-    """Keys of the camera that looks ahead, and its link; None without a camera.
+def _ahead(views: list[_CameraView]) -> _CameraView:
+    """The first that looks ahead, or the first."""
+    return next((view for view in views if view.ahead), views[0])
 
-    Where none looks ahead it is the first, which ``mounted`` refuses.
+
+def camera_of(model: UrdfModel) -> tuple[dict[str, Any], str | None, float]:
+    """Keys of the camera that looks ahead, its link, and its height [m] above the root link.
+
+    Where none looks ahead it is the first, which ``mounted`` refuses. Without a camera the link is
+    None.
     """
     views = _views(model)
-    view = next((view for view in views if view.ahead), views[0] if views else None)
-    if view is None:
-        return {}, None
+    if not views:
+        return {}, None, 0.0
+    view = _ahead(views)
     read: dict[str, Any] = {}
     sensor = Element("sensor") if view.sensor is None else view.sensor
     for key, place in _KEYS.items():
         text = (sensor.findtext(place) or "").strip()
         if re.fullmatch(r"[0-9]+\.?[0-9]*", text) and float(text) > 0.0:
             read[key] = int(text) if key in {"width", "height"} else float(text)
-    return read, view.link
+    return read, view.link, float(view.frame[2, 3])
 
 
 def mounted(camera: CameraModel, model: UrdfModel, link: str, origin: Array) -> CameraModel:
@@ -129,8 +135,7 @@ def mounted(camera: CameraModel, model: UrdfModel, link: str, origin: Array) -> 
         ConfigError: the camera looks elsewhere than ahead, and no pitch is given.
 
     """
-    views = _views(model, link)
-    view = next((view for view in views if view.ahead), views[0])
+    view = _ahead(_views(model, link))
     if not (view.ahead or "pitch" in camera.model_fields_set):
         yaw, pitch, roll = (math.degrees(angle) for angle in (view.yaw, view.pitch, view.roll))
         raise ConfigError(
@@ -153,8 +158,7 @@ def camera_assumed(model: UrdfModel, link: str, origin: Array) -> tuple[Assumpti
     # links that are called cameras and look ahead are frames of one
     rest = [view for view in _views(model) if view.sensor is not None or not view.ahead]
     others = sorted({view.link for view in rest} - {link})
-    views = _views(model, link)
-    view = next((view for view in views if view.ahead), views[0])
+    view = _ahead(_views(model, link))
     reasons = [f"it looks ahead (others: {', '.join(others)})"] if others else []
     if view.optical:
         reasons += ["its frame is an optical one: z ahead"]

@@ -122,7 +122,7 @@ def measured(model: UrdfModel, said: dict[str, Any]) -> dict[str, Any]:
         urdf["side_friction"], values["skid"] = _SKID["side_friction"], _SKID["skid"]
     track = centres[: len(left), 1].mean() - centres[len(left) :, 1].mean()
     values["track"] = round(float(track), _PLACES)
-    camera, link = camera_of(model)
+    camera, link, eye = camera_of(model)
     values["camera"] = camera
     if link is not None:
         urdf["camera"] = link
@@ -139,12 +139,10 @@ def measured(model: UrdfModel, said: dict[str, Any]) -> dict[str, Any]:
         width = 2.0 * max(-low[1], high[1])
         body = {"front": high[0], "rear": -low[0], "width": width}
         values["footprint"] = {key: round(float(size), _PLACES) for key, size in body.items()}
-        eye = CameraModel().mount_height  # of a camera that the URDF does not have
-        if link is not None:
-            eye = float(model.frame_of(link)[2, 3]) - floor
-        else:
+        if link is None:  # a camera that the URDF does not have
+            eye = CameraModel().mount_height + floor
             camera["mount_forward"] = min(CameraModel().mount_forward, body["front"])
-        values["height"] = round(max(float(high[2]), eye), _PLACES)
+        values["height"] = round(max(float(high[2]), eye - floor), _PLACES)
     return values
 
 
@@ -212,7 +210,7 @@ def _radius(model: UrdfModel, wheel: UrdfJoint) -> float | None:
     meshes = [c for c in model.collisions if c.link == wheel.child and c.size is None]
     if radius or not meshes:
         return radius
-    axis = wheel.axis / math.hypot(*wheel.axis)
+    axis = wheel.axis / max(math.hypot(*wheel.axis), 1e-9)
     corners = np.concatenate([_points(mesh_corners(model, c), c.frame) for c in meshes])
     across = corners - product(corners, axis)[:, None] * axis
     return float(np.linalg.norm(across, axis=1).max())

@@ -8,7 +8,7 @@ from xml.etree.ElementTree import tostring
 
 import numpy as np
 
-from navfw.config.input_file import cached_by_files, is_file, read_input, shown_path
+from navfw.config.input_file import cached_by_files, is_file, is_folder, read_input, shown_path
 from navfw.config.lookup import package_folders, package_roots
 from navfw.errors import ConfigError
 from navfw.meshes import read_triangles
@@ -28,12 +28,13 @@ _MAX_SIZE = 20.0  # chosen
 
 
 def _mesh_path(model: UrdfModel, name: str) -> Path | None:
-    """The file of the mesh called ``name``; None if it is in a package that is not there."""
+    """Where the mesh called ``name`` is, or should be; None if its package is not there."""
     if not name.startswith(_PACKAGE):
         return model.file.parent / name.removeprefix(_FILE)
     package, _, rest = name.removeprefix(_PACKAGE).partition("/")
     folders = package_folders(package, package_roots(model.file, model.packages))
-    return next((folder / rest for folder in folders if is_file(folder / rest)), None)
+    there = [folder / rest for folder in folders if is_folder(folder)]
+    return next((path for path in there if is_file(path)), there[0] if there else None)
 
 
 def check_meshes(model: UrdfModel) -> None:
@@ -51,9 +52,9 @@ def check_meshes(model: UrdfModel) -> None:
                     model.file, mesh, f"mesh {name!r}: {shown_path(file)} is empty: no triangle"
                 )
         elif mesh in colliding:
-            advice = "copy it beside this file"
-            if name.startswith(_PACKAGE):
-                advice = "name the folder with its package in urdf.packages or ROS_PACKAGE_PATH"
+            advice = "name the folder with its package in urdf.packages or ROS_PACKAGE_PATH"
+            if file is not None:
+                advice = f"copy it to {shown_path(file)}"
             raise urdf_error(model.file, mesh, f"mesh {name!r} does not exist; {advice}")
 
 

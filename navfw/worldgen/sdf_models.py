@@ -97,7 +97,7 @@ def included_model(include: Element, file: Path, found: Path) -> Element:
     root = read_xml(found, "an SDF model")
     model = root.find("model")
     if root.tag != "sdf" or model is None:
-        what = f"expected an SDF <model>, got <{root.tag}>"
+        what = f"expected <sdf> with a <model>, got <{root.tag}>"
         raise ConfigError(what, file=shown_path(found), line=line_of(root))
     model.set(_FILE, str(found))
     model.set("name", (include.findtext("name") or model.get("name") or "model").strip())

@@ -214,7 +214,7 @@ def test_models_that_include_each_other_or_are_damaged(tmp_path: Path) -> None:
     )
     for name, message in {
         "m": "they include each other",
-        "r": r"r/model.sdf:1: expected an SDF <model>, got <robot>",
+        "r": r"r/model.sdf:1: expected <sdf> with a <model>, got <robot>",
         "d": r"d/model.sdf:1: box.size: expected 3 numbers, got '1 0.4'",
     }.items():
         with pytest.raises(ConfigError, match=message):
