@@ -43,6 +43,9 @@ _FACTORS = (
 _BISECTIONS = 7
 """Halvings of the interval in which a change begins to suffice."""
 
+_TINY = 1e-12
+"""Change down to which half of it is tried: where two commands are rated alike, hardly any does."""
+
 _PAIRED = 12
 """Number of changes of which pairs are tried."""
 
@@ -228,7 +231,7 @@ def _least(
             amount = middle
         else:
             below = middle
-    while turns(0.5 * (nothing + amount)) and abs(amount - nothing) > 1e-6:
+    while turns(0.5 * (nothing + amount)) and abs(amount - nothing) > _TINY:
         amount = 0.5 * (nothing + amount)  # not all that is more turns it
     return amount
 

@@ -307,10 +307,15 @@ def run(*words: str) -> Any:
     return ended
 
 
+LONG = "behavior loops in numpy", "behavior loops in reset", "flow loops"
+"""Mistakes that cost most time, and are like another one."""
+
+
 def some(names: list[str], *quick: str) -> list[Any]:
-    """Parameters: the ``quick`` ones by default, the others in CI."""
+    """Parameters: the ``quick`` ones by default, those in ``LONG`` on request, the others in CI."""
     assert {*quick} <= {*names}
-    return [pytest.param(n, marks=() if n in quick else pytest.mark.thorough) for n in names]
+    marks = {n: pytest.mark.slow if n in LONG else pytest.mark.thorough for n in names}
+    return [pytest.param(n, marks=() if n in quick else marks[n]) for n in names]
 
 
 def test_the_table_has_at_least_sixty_mistakes() -> None:

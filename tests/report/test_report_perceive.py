@@ -27,7 +27,7 @@ setTimeout(() => {
   document.body.dataset.rows = after[3];
 }, 500);
 """
-"""Moves the slider to its end; leaves in the page what has changed, and the rows of words and contacts."""
+"""Moves the slider to its end; leaves what has changed, and the rows of words and contacts."""
 PICTURE: Image = np.full((60, 80, 3), 90, np.uint8)
 
 

@@ -149,7 +149,11 @@ def kill(who: str, suite: Undisturbed, number: signal.Signals, count: int, folde
 @pytest.mark.thorough
 @pytest.mark.parametrize(
     ("who", "number"),
-    [("parent", signal.SIGKILL), ("parent", signal.SIGTERM), ("worker", signal.SIGKILL)],
+    [
+        ("parent", signal.SIGKILL),
+        pytest.param("parent", signal.SIGTERM, marks=pytest.mark.slow),
+        ("worker", signal.SIGKILL),
+    ],
 )
 def test_a_killed_process(
     who: str, number: signal.Signals, fake: Undisturbed, tmp_path: Path
