@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from navfw.cli.options import Json, Recorded, numbers_of
-from navfw.cli.output import print_result, quiet_stdout
+from navfw.cli.output import print_assumed, print_result, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar
 from navfw.errors import InputError
 
@@ -29,7 +29,7 @@ def export(
 
 def replay_bag(
     path: Path,
-    topic: str | None,
+    of_bag: tuple[str | None, str | None],
     robot: str | None,
     stack: str,
     on_map: tuple[str | None, list[str] | None, str | None],
@@ -38,20 +38,23 @@ def replay_bag(
     json: bool,
     quiet: bool,
 ) -> Path:
-    """Replay a bag and print the result; ``on_map`` are the map's name, goals and start.
+    """Replay a bag and print the result.
 
-    Returns the run folder.
+    ``of_bag`` are the topic of images and the gyro's axes, ``on_map`` the map's name, goals and
+    start. Returns the run folder.
     """
     name, goals, start = on_map
     with ProgressBar("replay", "ticks", quiet=quiet) as bar, quiet_stdout():
         from navfw.recording import Bag, RunFolder
+        from navfw.recording.static_frames import axes_of
         from navfw.robot.robotfile import load_robot
         from navfw.ros import BagReplay, driven_map
         from navfw.signals import Pose
         from navfw.topomap import load_map
 
         target = RunFolder(out or Path("runs") / f"{path.stem}-replay", numbered=out is None)
-        bag = Bag(path, topic)
+        topic, axes = of_bag
+        bag = Bag(path, topic, None if axes is None else axes_of(axes))
         topo_map = driven_map(bag) if name is None else load_map(name)
         if name is not None and not goals:
             places = ", ".join(topo_map.places)
@@ -65,6 +68,7 @@ def replay_bag(
     final = target.final or target.target
     lines = [f"replayed {result['sim_time_s']:.1f} s at {result['real_time_factor']:.1f} x"]
     lines += [*(f"  {note}" for note in result["notes"]), f"  run folder  {final}"]
+    print_assumed(bag.assumed)
     shown = {key: result[key] for key in result if key not in {"config", "machine"}}
     print_result({**shown, "run_folder": str(final)}, lines, json=json)
     return final

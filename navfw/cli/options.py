@@ -161,6 +161,16 @@ Topic = Annotated[
 ]
 
 
+ImuAxes = Annotated[
+    str | None,
+    typer.Option(
+        metavar="AHEAD,LEFT,UP",
+        help="Axes of the gyro that point there, such as z,-x,-y; by default by /tf_static, the"
+        " frame's name or the turns of the wheels, else x,y,z.",
+    ),
+]
+
+
 EngineKind = Literal["processes", "dask"]
 """What drives the runs."""
 Workers = Annotated[int, typer.Option(min=1, max=256, help="Processes, each with one thread.")]

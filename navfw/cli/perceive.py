@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import re
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
@@ -13,23 +13,26 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import typer
 
-from navfw.cli.options import Topic, from_options
-from navfw.cli.output import echo, print_json_list, quiet_stdout, quietly
+from navfw.cli.options import ImuAxes, Topic, from_options
+from navfw.cli.output import echo, print_assumed, print_json_list, quiet_stdout, quietly
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError, locating
 from navfw.process.atomic import write_text
 from navfw.recording.run_folder import is_bag
 
 if TYPE_CHECKING:
+    from navfw.assumption import Assumption
     from navfw.lenses import CameraCalibration
+    from navfw.numerics import Array
     from navfw.perceive.image_sources import ImageSource
     from navfw.perceive.lens_estimate import LensEstimate
     from navfw.perceive.motion_record import MotionRecord
     from navfw.perceive.pair_result import PairResult
     from navfw.perceive.perceiver_options import PerceiverOptions
+    from navfw.recording import Bag
     from navfw.report.report_page import PerceivePage
 
-    Assessed: TypeAlias = tuple[PairResult, dict[str, float | str]]
+    Assessed: TypeAlias = tuple[PairResult, list[Assumption]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,9 +54,13 @@ class PerceiveOptions:
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Calibration of the camera instead of --hfov: YAML of OpenCV or ROS (camera_info)."
-            " Its lens distortion is removed. By default distortion is estimated from the images.",
+            help="Calibration of the camera instead of --hfov: of OpenCV, ROS, Kalibr, EuRoC, VINS"
+            " or ORB-SLAM. Its lens distortion is removed; by default it is estimated.",
         ),
+    ] = None
+    camera: Annotated[
+        str | None,
+        typer.Option(help="Which camera of a calibration of several: its name or topic."),
     ] = None
     speed: Annotated[
         float | None,
@@ -97,9 +104,10 @@ class PerceiveOptions:
         typer.Option(
             metavar="FILE",
             help="Poses of the camera instead of --gyro, in TUM format: time [s], tx ty tz [m],"
-            " qx qy qz qw. They give rotation and speed.",
+            " qx qy qz qw, or of EuRoC. They give rotation and speed.",
         ),
     ] = None
+    imu_axes: ImuAxes = None
     flow: Annotated[str, typer.Option(metavar="PLUGIN", help="Flow processor.")] = "registered"
     grid: Annotated[
         str | None,
@@ -137,6 +145,10 @@ class PerceiveOptions:
 @from_options
 def perceive(options: PerceiveOptions) -> None:
     """Run perception on recorded images. Lists obstacles, distances and the situation."""
+    with quiet_stdout():
+        from navfw.perceive.image_sources import require_files
+
+        require_files(options.source)
     if len(options.source) > 1 or not is_bag(options.source[0]):
         if options.topic is not None:
             raise InputError("is for a bag", key="--topic")
@@ -147,8 +159,9 @@ def perceive(options: PerceiveOptions) -> None:
             from navfw.perceive.bag_source import unpacked_bag
             from navfw.recording.bag_reader import Bag
 
-            bag = Bag(options.source[0], options.topic)
-            tables: dict[str, Any] = dict(stack.enter_context(unpacked_bag(bag)))
+            bag = Bag(options.source[0], options.topic, _axes(options))
+            pitch = math.radians(options.pitch or 0.0)
+            tables: dict[str, Any] = dict(stack.enter_context(unpacked_bag(bag, pitch)))
         values = {field.name: getattr(options, field.name) for field in fields(options)}
         chosen = {name for name, value in values.items() if value is not None}
         chosen |= {"times"} if "fps" in chosen else set()
@@ -157,13 +170,24 @@ def perceive(options: PerceiveOptions) -> None:
         images = [tables.pop("source")]
         tables = {name: file for name, file in tables.items() if name not in chosen}
         with locating(file=bag.file):
-            _perceive(replace(options, source=images, topic=None, **tables))
+            _perceive(replace(options, source=images, topic=None, **tables), bag, tables.keys())
     for note in bag.notes:
         echo(f"note: {note}", err=True)
 
 
-def _perceive(given: PerceiveOptions) -> None:
+def _axes(given: PerceiveOptions) -> Array | None:
+    from navfw.recording.static_frames import axes_of
+
+    return None if given.imu_axes is None else axes_of(given.imu_axes)
+
+
+def _perceive(given: PerceiveOptions, bag: Bag | None = None, own: Collection[str] = ()) -> None:
+    """Run perception on the sources that are ``given``, or on what a ``bag`` was unpacked to.
+
+    ``own`` are the options whose files are the bag's own.
+    """
     with quiet_stdout():
+        from navfw.perceive.gyro_axes import compared
         from navfw.perceive.image_sources import open_source
         from navfw.perceive.image_times import load_image_times
         from navfw.perceive.pair_result import as_data
@@ -179,23 +203,45 @@ def _perceive(given: PerceiveOptions) -> None:
         )
         listed = None if given.times is None else load_image_times(given.times)
         opened = partial(open_source, given.source, given.fps, listed=listed)
-        options = replace(options, gyro=_motion_record(given, opened(None)))
+        axes = None if {"gyro", "poses"} & set(own) else _axes(given)
+        options = replace(options, gyro=_motion_record(given, opened(None), axes))
     with ProgressBar("perceive", quiet=given.quiet) as bar:
         with quiet_stdout():
-            images, view, lens = _with_lens(opened, given.calibration, given.hfov, bar)
-        options = replace(options, hfov=view)
+            calibration, view, lens = _lens(opened, given, bag, bar)
+            if bag is not None and calibration is not None and "calibration" in own:
+                calibration = replace(calibration, file=bag.info_topic)
+            options = replace(options, hfov=view)
+            if options.gyro is not None and "poses" not in own:
+                tick = partial(bar.show_part, "comparing the axes of the gyro")
+                record = compared(
+                    options.gyro,
+                    opened(calibration),
+                    options,
+                    bag.axes if bag is not None and "gyro" in own else None,
+                    given=given.imu_axes is not None,
+                    tick=tick,
+                )
+                options = replace(options, gyro=record.without_offsets())
+            images = opened(calibration)
+        said = {each.what for each in options.gyro.assumed} if options.gyro is not None else set()
+        known = [each for each in bag.assumed if each.what not in said] if bag is not None else []
         counter = _ResultCounter(images.total, bar)
         drawn = None
         if given.page is not None:
             from navfw.report.report_page import PerceivePage
 
             drawn = PerceivePage(f"Perceived: {given.source[0]}")
-        with contextlib.closing(_results(options, images, given.overlay, drawn)) as results:
-            shown = counter.counted(quietly(results))
+        results = _results(options, images, given.overlay, drawn)
+        with contextlib.closing(results):
+            shown = counter.counted(quietly(results), known)
             if given.json:
                 estimated = None if lens is None else lens.as_data()
                 print_json_list(
-                    {**as_data(result), "assumed": assumed, "estimated": estimated}
+                    {
+                        **as_data(result),
+                        "assumed": [each.as_data() for each in assumed],
+                        "estimated": estimated,
+                    }
                     for result, assumed in shown
                 )
             else:
@@ -204,18 +250,17 @@ def _perceive(given: PerceiveOptions) -> None:
     for note in notes:
         echo(f"note: {note}", err=True)
     if given.page is not None and drawn is not None:
-        write_text(given.page, drawn.render(notes))
+        assumed = (f"assumed: {each}" for each in counter.assumed)
+        write_text(given.page, drawn.render([*assumed, *notes]))
 
 
 def _print(results: Iterable[Assessed], lens: LensEstimate | None, overlay: Path | None) -> None:
     from navfw.perceive.lens_estimate import estimate_line
     from navfw.perceive.pair_result import as_line
-    from navfw.perceive.perceiver_options import assumptions_line
 
     header = True
-    for result, assumed in results:
+    for result, _ in results:
         if header:
-            echo(assumptions_line(assumed))
             if lens is not None:
                 echo(estimate_line(lens))
             echo("    time    sure  contact  perceived")
@@ -225,20 +270,21 @@ def _print(results: Iterable[Assessed], lens: LensEstimate | None, overlay: Path
         echo(f"drawn to {overlay}")
 
 
-def _with_lens(
+def _lens(
     opened: Callable[[CameraCalibration | None], ImageSource],
-    calibration: Path | None,
-    hfov: float | None,
+    given: PerceiveOptions,
+    bag: Bag | None,
     bar: ProgressBar,
-) -> tuple[ImageSource, float | None, LensEstimate | None]:
-    """The images, their field of view [deg], and the estimate of a lens that is not given."""
+) -> tuple[CameraCalibration | None, float | None, LensEstimate | None]:
+    """The lens, the images' field of view [deg], and the estimate of a lens that is not given."""
     from navfw.lenses import load_calibration
     from navfw.perceive.lens_estimate import estimate_lens
 
-    if calibration is not None:
-        return opened(load_calibration(calibration)), None, None
-    lens = estimate_lens(opened(None), hfov, lambda: bar.show_part("estimating the lens"))
-    return opened(lens.calibration), lens.known_hfov(hfov), lens
+    if given.calibration is not None:
+        topic = None if bag is None else bag.image_topic
+        return load_calibration(given.calibration, given.camera or topic), None, None
+    estimate = estimate_lens(opened(None), given.hfov, lambda: bar.show_part("estimating the lens"))
+    return estimate.calibration, estimate.known_hfov(given.hfov), estimate
 
 
 def _results(
@@ -265,14 +311,20 @@ def _results(
             yield result, assumptions(options, images, perceiver.size)
 
 
-def _motion_record(given: PerceiveOptions, images: ImageSource) -> MotionRecord | None:
-    """The record of the camera's motion in a file, with times since the first image."""
+def _motion_record(
+    given: PerceiveOptions, images: ImageSource, axes: Array | None
+) -> MotionRecord | None:
+    """The record of the camera's motion in a file, with times since the first image.
+
+    Its sensor has ``axes`` (3, 3), if they are known.
+    """
     from navfw.perceive.motion_record import load_gyro_record, load_pose_record
 
     if given.gyro is not None:
-        return load_gyro_record(given.gyro).on_clock_of(images)
+        return load_gyro_record(given.gyro, axes).on_clock_of(images)
     if given.poses is not None:
-        return load_pose_record(given.poses, math.radians(given.pitch or 0.0)).on_clock_of(images)
+        pitch = math.radians(given.pitch or 0.0)
+        return load_pose_record(given.poses, pitch, axes).on_clock_of(images)
     return None
 
 
@@ -283,9 +335,17 @@ class _ResultCounter:
         self._total = total
         self._pairs = self._metric = self._unmeasured = self._unknown = 0
         self._bar = bar
+        self.assumed: list[Assumption] = []
 
-    def counted(self, results: Iterable[Assessed]) -> Iterator[Assessed]:
-        for result, assumed in results:
+    def counted(
+        self, results: Iterable[Assessed], known: Sequence[Assumption]
+    ) -> Iterator[Assessed]:
+        """The ``results``, with what was ``known`` to be assumed before; the first prints all."""
+        for result, others in results:
+            assumed = [*known, *others]
+            if not self._pairs:
+                self.assumed = assumed
+                print_assumed(assumed)
             self._pairs += 1
             self._metric += result.scale.metric
             self._unmeasured += result.motion.turn_source == "flow"

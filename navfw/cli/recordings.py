@@ -16,6 +16,7 @@ import typer
 
 from navfw.cli.bags import replay_bag
 from navfw.cli.options import (
+    ImuAxes,
     Json,
     Robot,
     Topic,
@@ -92,6 +93,7 @@ def replay(
     overrides: _Overrides = None,
     rules: _Rules = None,
     topic: Topic = None,
+    imu_axes: ImuAxes = None,
     report: Annotated[
         bool,
         typer.Option("--report", help="Of a changed stack: write its commands into the report."),
@@ -117,12 +119,14 @@ def replay(
             raise typer.BadParameter("is for a run folder", param_hint="--set, --rules")
         on_map = map_name, goal, start
         driver = stack or "default"
-        target = replay_bag(folder, topic, robot, driver, on_map, out, json=json, quiet=quiet)
+        target = replay_bag(
+            folder, (topic, imu_axes), robot, driver, on_map, out, json=json, quiet=quiet
+        )
         if video is not None:
             write_video(target, video, quiet=json or quiet)
         return
     of_bag = {"--robot": robot, "--map": map_name, "--goal": goal, "--start": start}
-    for option, value in {**of_bag, "--topic": topic, "--out": out}.items():
+    for option, value in {**of_bag, "--topic": topic, "--imu-axes": imu_axes, "--out": out}.items():
         if value:
             raise typer.BadParameter("is for a bag", param_hint=option)
     if overrides or rules or stack is not None:

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from navfw.cli.options import Json, Map, Topic, map_file, numbers_of
-from navfw.cli.output import print_result, quiet_stdout
+from navfw.assumption import Assumption
+from navfw.cli.options import ImuAxes, Json, Map, Topic, map_file, numbers_of
+from navfw.cli.output import print_assumed, print_result, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.config.input_file import is_file, is_folder
 from navfw.config.lookup import find
@@ -20,6 +21,7 @@ from navfw.process.atomic import write_text
 from navfw.recording.run_folder import RESULT, is_bag
 
 if TYPE_CHECKING:
+    from navfw.numerics import Array
     from navfw.recording.teaching import Taught, TeachingDrive
 
 _NAME = re.compile(r"(?P<time>[0-9]+(\.[0-9]+)?)=(?P<place>[A-Za-z0-9][A-Za-z0-9_.-]*)")
@@ -54,6 +56,7 @@ def teach(
         typer.Option(help="Of bags and folders: name or file of the robot.", metavar="ROBOT"),
     ] = None,
     topic: Topic = None,
+    imu_axes: ImuAxes = None,
     situations: Annotated[
         Path | None,
         typer.Option(
@@ -67,13 +70,15 @@ def teach(
     quiet: Quiet = False,
 ) -> None:
     """Make a map of recorded drives; NAME-2 and so on of those that do not certainly overlap."""
+    from navfw.recording.static_frames import axes_of
     from navfw.recording.teaching import teach as taught
     from navfw.topomap.map_formats import save_map
 
     with quiet_stdout():
         file, notes = map_file(out, "--out", force), list[str]()
+        assumed, axes = list[Assumption](), None if imu_axes is None else axes_of(imu_axes)
         named = [_named(text) for text in name or ()]
-        drives = _drives(recordings, robot, topic, notes)
+        drives = _drives(recordings, robot, (topic, axes), notes, assumed)
         with ProgressBar("map teach", quiet=quiet) as bar:
             is_taken = partial(_is_taken, file, force)
             made = taught(drives, file.stem, named, bar.show_part, is_taken)
@@ -86,7 +91,9 @@ def teach(
             origin = f"navfw map teach --out {out}: {len(recordings)} recordings"
             write_text(situations, made.maps[0].situations.text(origin), parents=True)
     data, lines = _summary(made, files, notes)
-    print_result(data, lines, json=json)
+    print_assumed(assumed)
+    assumptions = [each.as_data() for each in assumed]
+    print_result({**data, "assumed": assumptions}, lines, json=json)
 
 
 def _summary(made: Taught, files: list[Path], notes: list[str]) -> tuple[dict[str, Any], list[str]]:
@@ -165,9 +172,16 @@ def name(
 
 
 def _drives(
-    recordings: list[Path], robot: str | None, topic: str | None, notes: list[str]
+    recordings: list[Path],
+    robot: str | None,
+    of_bags: tuple[str | None, Array | None],
+    notes: list[str],
+    assumed: list[Assumption],
 ) -> Iterator[TeachingDrive]:
-    """Each recording as a drive; remarks on it are added to ``notes``."""
+    """Each recording as a drive; remarks on it are added to ``notes``, choices to ``assumed``.
+
+    ``of_bags`` are the topic of images and the axes of the gyro, if given.
+    """
     from navfw.perceive import camera_contradiction
     from navfw.perceive.folder_drive import FolderDrive
     from navfw.recording import Bag
@@ -178,7 +192,7 @@ def _drives(
     for path in recordings:
         bag: Bag | FolderDrive
         if is_bag(path):
-            bag = Bag(path, topic)
+            bag = Bag(path, *of_bags)
             lacking, contradiction = bag.lacking, camera_contradiction(bag)
         elif is_folder(path) and not is_file(path / RESULT):
             bag = FolderDrive(path)
@@ -191,6 +205,7 @@ def _drives(
         readings = partial(tuple, BagReadings(bag, model, only_gyro=True))
         yield TeachingDrive(path, model, readings, lacking=lacking)
         notes += [f"{path}: {note}" for note in dict.fromkeys(bag.notes)]
+        assumed += bag.assumed
 
 
 def _is_taken(first: Path, force: bool, name: str) -> bool:

@@ -29,7 +29,10 @@ _DAMAGED = re.compile(
 bytes are a harmless habit of some cameras."""
 _NETPBM = re.compile(rb"(P[2356](?:(?:\s|#[^\n]*\n)+\d+){2}(?:\s|#[^\n]*\n)+)(\d+)")
 """The head of a PGM or PPM file up to its largest value."""
-_HEIC = {b"ftyp" + kind for kind in (b"heic", b"heix", b"hevc", b"heim", b"heis", b"mif1", b"msf1")}
+_REFUSED = {
+    **dict.fromkeys((b"heic", b"heix", b"hevc", b"heim", b"heis", b"mif1", b"msf1"), "a HEIC"),
+    **dict.fromkeys((b"avif", b"avis"), "an AVIF"),
+}
 
 
 def read_image(
@@ -89,10 +92,10 @@ def decode_image(
 
 def _declared_size(data: bytes, name: str) -> tuple[int, int]:
     """Width and height [px] by the header of an image file; its pixels are not decoded."""
-    if data[4:12] in _HEIC:
+    if data[4:8] == b"ftyp" and (kind := _REFUSED.get(data[8:12])):
         raise ConfigError(
-            "is a HEIC image, which is not supported; save it as JPEG or PNG (a telephone's camera "
-            "has a setting for it, such as 'Most Compatible')",
+            f"is {kind} image, which is not supported; save it as JPEG or PNG (a telephone's "
+            "camera has a setting for it, such as 'Most Compatible')",
             file=name,
         )
     try:

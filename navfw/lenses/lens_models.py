@@ -182,6 +182,8 @@ _MAX_VIEW = math.radians(120.0)  # chosen
 """Largest horizontal and vertical field of view of the result [rad]: beyond, a pinhole image shows
 little but stretched pixels of the rim."""
 _MIN_VIEW = math.radians(15.0)  # chosen
+_MAX_FLAT = math.radians(155.0)  # chosen
+"""Largest field of view [rad] of a lens that no fisheye's model describes."""
 _MARGIN = 64.0  # chosen
 """How far [px] outside of the image the map of ``distort`` points at most."""
 _STEPS = 33  # chosen: number of points on each side of the image's border
@@ -214,6 +216,10 @@ class Undistortion:
         self._size = width, height
         self.notes: list[str] = []
         self._lens = replace(calibration, matrix=self._scaled_matrix())
+        view = 2.0 * math.atan(0.5 * width / self._lens.matrix[0, 0])
+        if view > _MAX_FLAT and calibration.model not in {FISHEYE, ARCTAN}:
+            what = f"gives a field of view of {math.degrees(view):.0f} degrees, beyond its model"
+            raise self._error(f"{what}: expected focal lengths in pixels of this size of images")
         focal = self._focal()
         self.hfov = 2.0 * math.atan(0.5 * width / focal)
         if self.hfov < _MIN_VIEW:
@@ -222,9 +228,9 @@ class Undistortion:
                 "lengths in pixels of this size of images"
             )
         self._maps = self._lens.pinhole_maps(focal, width, height)
-        view = math.degrees(self.hfov)
+        shown = math.degrees(self.hfov)
         by = f"distortion removed by {calibration.file}"
-        self.notes.append(f"{by}: images then show {view:.1f} degrees across")
+        self.notes.append(f"{by}: images then show {shown:.1f} degrees across")
 
     @property
     def shape(self) -> tuple[int, int]:

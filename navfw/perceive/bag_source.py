@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from navfw.config.input_file import shown_path
 from navfw.errors import InputError
+from navfw.lenses import Undistortion, load_calibration
 from navfw.numerics import Array
 from navfw.perceive.pair_motion import TrackImage, track_points
 from navfw.perceive.perceiver_options import WorkingSize
 from navfw.process.atomic import scratch_folder
-from navfw.recording.bag_reader import Bag, driven_way, ros_image
+from navfw.recording.bag_reader import Bag, driven_way
+from navfw.recording.image_messages import deep_image, ros_image
+from navfw.robot import CameraModel
 
 _MOVED = (0.05, 0.03)
 """Way [m] or turn [rad] of the wheels after which images are compared."""
@@ -26,65 +32,106 @@ _COMPARED = (10, 150)
 """Least and largest number of comparisons for a verdict."""
 _SHARE, _LIKE = 0.8, 0.3
 """Share of comparisons without flow, and correlation of turns, that contradict the wheels."""
-_OPTICAL = (-0.5, 0.5, -0.5, 0.5)
-"""Rotation from ``camera_optical`` to a level ``base_link``, as x, y, z, w."""
+_RECTIFIED = re.compile(r"(?:^|[/_])rect(?:ified)?(?:[/_]|$)")
+"""What the topics of images without distortion have in their names."""
 
 
 @contextmanager
-def unpacked_bag(bag: Bag) -> Iterator[dict[str, Path]]:
+def unpacked_bag(bag: Bag, pitch: float = 0.0) -> Iterator[dict[str, Path]]:
     """Images and tables of ``bag`` in a temporary folder, by the options that take them.
 
-    There are ``source``, a folder, and ``times``; ``calibration`` if the bag has one; ``poses`` if
-    it has wheels that the images do not contradict, turned by the gyro if there is one; ``gyro`` if
-    there is only that.
+    There are ``source``, a folder, and ``times``; ``calibration`` if the bag has one that fits its
+    images; ``poses`` if it has wheels that the images do not contradict, turned by the gyro if
+    there is one; ``gyro`` if there is only that. ``pitch`` [rad] is the camera's, where it is known
+    otherwise than by the bag's transforms.
 
     Raises:
         InputError: there are no images, or one is none.
 
     """
     if not len(bag.images):
-        raise InputError("has no images to perceive", file=bag.file)
+        others = "; ".join(f"{topic} shows {what}" for topic, what in bag.no_pictures.items())
+        hint = f": {others}; --topic takes one by name" if others else ""
+        raise InputError(f"has no images to perceive{hint}", file=bag.file)
     with scratch_folder("bag") as folder:
         files = {name: folder / name for name in ("source", "times")}
         files["source"].mkdir()
         lines = []
+        shape: tuple[int, ...] = ()
         for number, (name, time, _, message) in enumerate(bag.each_image()):
-            file, packed = files["source"] / f"{number:06d}.png", hasattr(message, "format")
-            data = message.data if packed else cv2.imencode(".png", ros_image(message, name))[1]
+            file, data = files["source"] / f"{number:06d}.png", message.data
+            if not hasattr(message, "format"):
+                image = deep_image(message, name)
+                shape, data = image.shape, cv2.imencode(".png", image)[1]
+            elif not shape:
+                with suppress(InputError):  # reported when it is its turn
+                    shape = deep_image(message, name).shape
             file.write_bytes(bytes(data))
             lines.append(f"{time!r},{file.name}")
         files["times"].write_text("time,file\n" + "\n".join(lines), encoding="utf-8")
-        for name, text in _tables(bag).items():
+        for name, text in _tables(bag, pitch).items():
             files[name] = folder / f"{name}.yaml"
             files[name].write_text(text, encoding="utf-8")
+        problem = _misfit(bag, files["calibration"], shape) if bag.info and shape else ""
+        if problem:
+            bag.notes.append(f"{bag.info_topic} is not used: {problem}")
+            del files["calibration"]
         yield files
 
 
-def _tables(bag: Bag) -> dict[str, str]:
+def _misfit(bag: Bag, file: Path, shape: Sequence[int]) -> str:
+    """Why the calibration in ``file`` is not that of images of ``shape``; "" if it may be."""
+    try:
+        lens = load_calibration(file)
+        Undistortion(lens, shape[1], shape[0], key=None)
+    except InputError as error:
+        return re.sub(rf"^{re.escape(shown_path(file))}(:\d+)?: ", "", str(error))
+    is_part = max(bag.info.binning_x, bag.info.binning_y, bag.info.roi.width) > 1
+    if is_part and lens.size is not None and lens.size != (shape[1], shape[0]):
+        sizes = f"{lens.size[0]} x {lens.size[1]} px, not {shape[1]} x {shape[0]}"
+        return f"by its binning and its region of interest images have {sizes}"
+    return ""
+
+
+def _tables(bag: Bag, pitch: float) -> dict[str, str]:
     """The texts of calibration, gyro and poses, as far as the bag has them."""
     tables = {}
+    optical = CameraModel(pitch=pitch).base_from_camera if bag.optical is None else bag.optical
     if bag.info is not None:
-        coefficients = np.asarray(bag.info.d if hasattr(bag.info, "d") else bag.info.D)
-        sizes = {"image_width": bag.info.width, "image_height": bag.info.height}
-        lens = {"K": bag.matrix.tolist(), "D": coefficients.tolist()}
-        model = {"distortion_model": bag.info.distortion_model}
-        tables["calibration"] = json.dumps(sizes | lens | model)
+        tables["calibration"] = json.dumps(_lens(bag))
     contradiction = camera_contradiction(bag)
     bag.notes += [contradiction] if contradiction else []
     if len(bag.odometry) > 1 and not contradiction:
-        tables["poses"] = _rows(_poses(bag))
+        tables["poses"] = _rows(_poses(bag, optical))
     elif len(bag.gyro) > 1:
         axes = [k for k in range(4) if np.isfinite(bag.gyro[:, k]).all()]
-        names = ",".join(("time", "gyro_x", "gyro_y", "gyro_z")[k] for k in axes)
-        tables["gyro"] = f"{names}\n" + _rows(bag.gyro[:, axes]).replace(" ", ",")
+        rates = bag.gyro.copy()
+        if len(axes) > 3:
+            rates[:, 1:] @= optical @ CameraModel(pitch=pitch).base_from_camera.T
+        names = ",".join(("time", "roll_rate", "pitch_rate", "yaw_rate")[k] for k in axes)
+        tables["gyro"] = f"{names}\n" + _rows(rates[:, axes]).replace(" ", ",")
     return tables
+
+
+def _lens(bag: Bag) -> dict[str, Any]:
+    """The ``camera_info`` as a file; where images are rectified, of the projection matrix."""
+    info, roi = bag.info, bag.info.roi
+    matrix, bent = bag.matrix, np.asarray(info.d if hasattr(info, "d") else info.D)
+    if _RECTIFIED.search(bag.image_topic):
+        flat = np.asarray(info.p if hasattr(info, "p") else info.P).reshape(3, 4)[:, :3].ravel()
+        matrix, bent = flat if flat.any() else matrix, np.empty(0)
+    part = {name: getattr(roi, name) for name in ("x_offset", "y_offset", "width", "height")}
+    binned = {name: getattr(info, name) for name in ("binning_x", "binning_y")}
+    sizes = {"image_width": info.width, "image_height": info.height, "roi": part}
+    model = info.distortion_model if bent.size else "plumb_bob"
+    return {**sizes, **binned, "K": matrix.tolist(), "D": bent.tolist(), "distortion_model": model}
 
 
 def _rows(table: Array) -> str:
     return "\n".join(" ".join(map(repr, row)) for row in table.tolist())
 
 
-def _poses(bag: Bag) -> Array:
+def _poses(bag: Bag, optical: Array) -> Array:
     """The camera's poses (n, 8) by the way of the wheels, and the turns of the gyro, if any."""
     times, yaw, gyro = bag.odometry[:, 0], bag.odometry[:, 3], bag.gyro
     if len(gyro) > 1:
@@ -93,7 +140,7 @@ def _poses(bag: Bag) -> Array:
     steps, along = np.diff(driven_way(bag.odometry)), 0.5 * (yaw[1:] + yaw[:-1])
     ways = np.stack([steps * np.cos(along), steps * np.sin(along), 0.0 * steps], axis=1)
     places = np.concatenate([np.zeros((1, 3)), np.cumsum(ways, axis=0)])
-    turns = Rotation.from_euler("z", yaw[:, None]) * Rotation.from_quat(_OPTICAL)
+    turns = Rotation.from_euler("z", yaw[:, None]) * Rotation.from_matrix(optical)
     return np.column_stack([times, places, turns.as_quat()])
 
 

@@ -55,12 +55,14 @@ class FolderDrive:
             angles = angles[np.isfinite(angles).all(axis=1)]
         self.gyro, self.odometry = np.empty((0, 4)), np.empty((0, 4))
         self.notes, offset = list(self._images.notes), 0.0
+        self.assumed = list(self._images.assumed)
         if has["gyro"]:
-            read = load_gyro_record(path / _GYRO)
+            read = load_gyro_record(path / _GYRO).without_offsets()
             record = read.on_clock_of(self._images)
             offset = float(read.times[0] - record.times[0])
             self.gyro = np.column_stack([record.times, record.rates])
             self.notes += record.notes
+            self.assumed += record.assumed
         elif len(angles) and self._images.start is not None:
             offset = self._images.start if angles[-1, 0] > self._images.start else 0.0
         self.joints = angles - [offset, 0.0, 0.0]

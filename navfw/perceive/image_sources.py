@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import os
+import re
 import tempfile
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -16,6 +17,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from navfw.assumption import Assumption
 from navfw.config.image_file import MAX_PIXELS, read_image
 from navfw.config.input_file import is_file, is_folder, no_such_file, open_input, shown_path
 from navfw.errors import InputError
@@ -23,7 +25,8 @@ from navfw.lenses import CameraCalibration, Undistortion
 from navfw.numerics import Image
 from navfw.perceive.image_times import ImageTimes, natural_key, require_order, times_in_names
 from navfw.process.process_resources import redirected
-from navfw.recording.run_folder import FILES, RESULT
+from navfw.recording.image_messages import BITS
+from navfw.recording.run_folder import FILES, RESULT, is_bag
 
 FRAME_RATE = 10.0
 """Frame rate assumed if none is known [1/s]."""
@@ -36,8 +39,6 @@ _MIN_RATE = 5.0
 """Frame rate [1/s] below which what a file says is doubted: cameras that move take more."""
 _FEW_FRAMES = 5
 """Frames by which a container's length may be wrong: it is an estimate."""
-_BITS = (8, 10, 12, 14, 16)
-"""Numbers of bits of cameras' converters; files keep all beyond 8 in 16 bits."""
 
 DeepImage: TypeAlias = npt.NDArray[np.uint8 | np.uint16]
 """An image (height, width, 3) of 8 or 16 bits."""
@@ -45,9 +46,9 @@ DeepImage: TypeAlias = npt.NDArray[np.uint8 | np.uint16]
 
 IMAGES = frozenset(
     {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".pnm", ".webp"}
-    | {".heic", ".heif", ".hif"}
+    | {".heic", ".heif", ".hif", ".avif"}
 )
-"""Suffixes of image files; those of HEIC are refused one by one, with what to do."""
+"""Suffixes of image files; those of HEIC and AVIF are refused one by one, with what to do."""
 _VIDEOS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".wmv"})
 """Suffixes of video files."""
 MAX_GAP = 0.5
@@ -78,7 +79,8 @@ class ImageSource:
     images, 0 if unknown; ``duration`` [s] the time from the first to the last, inf if unknown;
     ``start`` [s] the time of the first image where the names of the files or a list give it, else
     None.
-    ``notes`` are remarks for the user: assumptions, and irregularities found while reading. With a
+    ``notes`` are remarks for the user: irregularities found while reading; ``assumed`` what was
+    chosen for them. With a
     ``calibration``, images are without lens distortion, and ``hfov`` [rad] is their horizontal
     field of view from the first image on; otherwise it is None.
     """
@@ -91,6 +93,7 @@ class ImageSource:
         self.duration = (total - 1) / rate if total else math.inf
         self.rate_known = True
         self.notes = list(notes)
+        self.assumed: list[Assumption] = []
         self.start: float | None = None
         self.hfov: float | None = None
         self._shape: tuple[int, ...] | None = None
@@ -152,14 +155,17 @@ class _Files(ImageSource):
         super().__init__(FRAME_RATE if fps is None else fps, len(paths), (), calibration)
         self._paths, self._named = paths, named
         times = listed.of(paths) if listed is not None else None
+        self.assumed += listed.assumed if listed is not None else ()
         if times is None and fps is None:
             times = times_in_names(paths)
-            self.notes += [] if times is None else ["times taken from the file names"]
+            if times is not None:
+                what = Assumption("times", "those in the names of the images", "", "--fps, --times")
+                self.assumed.append(what)
         if times is None or len(times) < 2:
             self._times = [k / self.rate for k in range(len(paths))]
             self.rate_known = fps is not None
             if fps is None:
-                self.notes.append(f"no --fps given: {self.rate:g} images a second assumed")
+                self.assumed.append(assumed_rate(self.rate, "no file says when they were taken"))
         else:
             self.start = times[0]
             self._times = [time - times[0] for time in times]
@@ -201,13 +207,13 @@ class _Files(ImageSource):
         if not self._bits:
             deep = (sample for sample in self._samples() if sample.dtype == np.uint16)
             brightest = max(int(sample.max()) for sample in (image, *deep))
-            self._bits = next(bits for bits in _BITS if brightest < 1 << bits)
+            self._bits = next(bits for bits in BITS if brightest < 1 << bits)
             self.notes.append(
                 f"images of 16 bits with values up to {brightest}: taken as {self._bits} bits"
             )
         white = (1 << self._bits) - 1
         self._brighter += int(image.max()) > white
-        return np.asarray(cv2.convertScaleAbs(image, alpha=255.0 / white), dtype=np.uint8)
+        return np.asarray(np.minimum(image, white) >> (self._bits - 8), dtype=np.uint8)
 
     def _samples(self) -> Iterator[DeepImage]:
         """Readable images spread over the sequence."""
@@ -247,13 +253,13 @@ class _Video(ImageSource):
         rate = self._capture.get(cv2.CAP_PROP_FPS) if fps is None else fps
         known = fps is not None or (math.isfinite(rate) and _MIN_RATE <= rate <= FRAME_RATES[1])
         if not known and FRAME_RATES[0] <= rate < _MIN_RATE:
-            what = f"the video says {rate:g} images a second, few for a camera that moves"
-            notes.append(f"{what}: times are by that, or give --fps")
+            notes.append(f"the video says {rate:g} images a second, few for a camera that moves")
         elif not known:
             rate = FRAME_RATE
-            notes.append(f"the video has no frame rate: {rate:g} images a second assumed")
         super().__init__(rate, total, notes, calibration)
         self.rate_known = known
+        if not known:
+            self.assumed.append(assumed_rate(rate, "the video does not say another"))
 
     def __str__(self) -> str:
         return str(self._path)
@@ -301,6 +307,32 @@ class _Video(ImageSource):
         if count == 0 or last < stamp < last + 60.0:
             return stamp
         return last + 1.0 / self.rate
+
+
+def assumed_rate(rate: float, reason: str) -> Assumption:
+    """That there are so many images a second."""
+    return Assumption("frame rate", f"{rate:g} images a second", reason, "--fps, --times")
+
+
+def require_files(paths: Sequence[Path]) -> None:
+    """Refuse addresses, standard input and cameras, and say how to make a file of them.
+
+    Raises:
+        InputError: one of ``paths`` is such a source.
+
+    """
+    for path in paths:
+        text, how = str(path), ""
+        if re.match(r"[a-z0-9]+:/", text):
+            how = "an address is not read: download the file, or record a stream: ffmpeg -t 60 -i"
+            how += f" '{text.replace(':/', '://', 1)}' drive.mp4"
+        elif text == "-" or text.startswith(("/dev/stdin", "/dev/fd/")):
+            how = "standard input is not read: write it to a file, and give that"
+        elif text.startswith("/dev/video") or (text.isdecimal() and not path.exists()):
+            device = f"/dev/video{text}" if text.isdecimal() else text
+            how = f"a camera is not read: record a video: ffmpeg -t 60 -i {device} drive.mp4"
+        if how:
+            raise InputError(how, file=text)
 
 
 def open_source(
@@ -360,7 +392,9 @@ def _images_in(folder: Path) -> list[Path]:
             raise InputError(f"{what}; see navfw report and navfw replay", file=folder)
     if images:
         return sorted(images, key=natural_key)
-    others = sorted(e.name for e in entries if is_folder(e) or e.suffix.lower() in _VIDEOS)
+    others = sorted(
+        e.name for e in entries if is_folder(e) or is_bag(e) or e.suffix.lower() in _VIDEOS
+    )
     hint = f"; did you mean one of: {', '.join(others[:5])}?" if others else ""
     raise InputError(f"contains no images{hint}", file=folder)
 

@@ -9,9 +9,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
+from navfw.assumption import Assumption
 from navfw.config.input_file import shown_path
 from navfw.errors import InputError
-from navfw.perceive.timed_table import TIME, TIME_NAMES, TableFormat, TimedTable
+from navfw.numerics import Array
+from navfw.perceive.timed_table import TIME, TIME_NAMES, TableFormat, TimedTable, epoch_unit
 
 _FILE = "file"
 _LIST = TableFormat(
@@ -21,20 +25,28 @@ _LIST = TableFormat(
     text=_FILE,
 )
 _OPTION = "--times"
-_EPOCH_UNITS = {13: 1e-3, 16: 1e-6, 19: 1e-9}
-"""Unit [s] of a time since 1970 written as a whole number, by its number of digits."""
+_STAMP = re.compile(
+    r"(?<![0-9.])(?:(?P<sec>[1-9][0-9]{9})[_-](?P<nsec>[0-9]{9})|(?P<decimal>[0-9]{1,12}\.[0-9]+)"
+    r"|(?P<whole>[1-9][0-9]{9,18}))(?![0-9])"
+)
+"""A time in a name: seconds and nanoseconds, seconds with decimals, or 10 to 19 digits."""
+_UPTIME = 1e8
+"""Longest time since power-on [s]: three years."""
+_INTERVALS = (0.002, 2.0)
+"""Usual intervals of images [s], by which the unit of times since power-on is known."""
 
 
 @dataclass(frozen=True, slots=True)
 class ImageTimes:
     """``times`` [s] of images, ascending; ``by_name`` those of named images, empty without names.
 
-    ``file`` is the list that they were read from.
+    ``file`` is the list that they were read from; ``assumed`` what it does not say.
     """
 
     file: str
     times: tuple[float, ...]
     by_name: Mapping[str, float]
+    assumed: tuple[Assumption, ...] = ()
 
     def of(self, paths: Sequence[Path]) -> list[float]:
         """The times [s] of images, in their order.
@@ -86,8 +98,11 @@ def load_image_times(path: Path) -> ImageTimes:
             raise table.error(f"'{time}' is not a time in seconds", line, TIME)
     if not times:
         raise table.error("has no times of images")
+    if len(times) > 1 and not table.unit_named:
+        table.interval(np.array(times), "image")
     names = [file.replace("\\", "/").rsplit("/", 1)[-1] for file in table.texts]
-    return ImageTimes(table.file, tuple(times), dict(zip(names, times, strict=False)))
+    by_name = dict(zip(names, times, strict=False))
+    return ImageTimes(table.file, tuple(times), by_name, tuple(table.assumed))
 
 
 def natural_key(path: Path) -> list[tuple[int, int, str]]:
@@ -100,28 +115,31 @@ def natural_key(path: Path) -> list[tuple[int, int, str]]:
 
 
 def times_in_names(paths: Sequence[Path]) -> list[float] | None:
-    """Times [s] by the names of files if all are time stamps, otherwise None.
+    """Times [s] by the names of files if each has one time stamp, otherwise None.
 
-    Stamps are seconds with decimals, or milli-, micro- or nanoseconds since 1970.
+    Stamps are seconds with decimals, or milli-, micro- or nanoseconds since 1970 or power-on. There
+    may be words around them, and numbers that are the same in all names.
 
     Raises:
         InputError: a stamp does not come after the one before it.
 
     """
-    if len(paths) < 2:
+    found = [list(_STAMP.finditer(path.stem)) for path in paths]
+    if len(paths) < 2 or len({len(stamps) for stamps in found}) != 1:
         return None
-    stems = [path.stem for path in paths]
-    if all(re.fullmatch(r"[0-9]{1,12}\.[0-9]+", stem) for stem in stems):
-        times = [float(stem) for stem in stems]
-    elif len({len(stem) for stem in stems}) == 1 and all(
-        re.fullmatch(r"[0-9]+", stem) for stem in stems
-    ):
-        unit = _EPOCH_UNITS.get(len(stems[0]))
+    columns = [column for column in zip(*found, strict=True) if len({m[0] for m in column}) > 1]
+    kinds = {stamp.lastgroup for column in columns for stamp in column}
+    if len(columns) != 1 or len(kinds) != 1:
+        return None
+    stamps = columns[0]
+    if kinds == {"whole"}:
+        numbers = np.array([int(stamp[0]) for stamp in stamps])
+        unit = epoch_unit(float(np.median(numbers))) or _usual_unit(numbers)
         if unit is None:
             return None
-        times = [int(stem) * unit for stem in stems]
+        times = [int(number) * unit for number in numbers.tolist()]
     else:
-        return None
+        times = [float(re.sub(r"[_-]", ".", stamp[0])) for stamp in stamps]
     if (k := _first_step_back(times)) is not None:
         raise InputError(
             f"its time stamp does not come after that of {paths[k - 1].name}; give the images "
@@ -129,6 +147,15 @@ def times_in_names(paths: Sequence[Path]) -> list[float] | None:
             file=shown_path(paths[k]),
         )
     return times
+
+
+def _usual_unit(numbers: Array) -> float | None:
+    """The unit [s] in which ``numbers`` (n,) are times of images since power-on, if any."""
+    interval = float(np.median(np.diff(numbers)))
+    for unit in (1e-3, 1e-6, 1e-9):
+        if _INTERVALS[0] <= interval * unit < _INTERVALS[1] and numbers.max() * unit < _UPTIME:
+            return unit
+    return None
 
 
 def require_order(paths: Sequence[Path]) -> None:

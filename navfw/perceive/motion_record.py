@@ -11,10 +11,12 @@ from typing import ClassVar, Self
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
+from navfw.assumption import Assumption
 from navfw.errors import InputError
 from navfw.numerics import Array
 from navfw.perceive.image_sources import ImageSource
-from navfw.perceive.timed_table import TIME, TIME_NAMES, TableFormat, TimedTable
+from navfw.perceive.timed_table import LENGTH_UNITS, TIME, TIME_NAMES, TableFormat, TimedTable
+from navfw.recording.static_frames import OPTICAL, assumed_axes
 from navfw.robot import CameraModel
 
 RATES = ("yaw_rate", "pitch_rate", "roll_rate")
@@ -23,7 +25,7 @@ _AXES = {"x": "roll_rate", "y": "pitch_rate", "z": "yaw_rate"}
 _BY_AXIS = {
     prefix + axis: rate
     for axis, rate in _AXES.items()
-    for prefix in ("gyro_", "gyroscope_", "w", "w_", "omega_", "angular_velocity_")
+    for prefix in ("gyro_", "gyroscope_", "w", "w_", "omega_", "angular_velocity_", "w_rs_s_")
 }
 """Names of rates by the gyro's axes ahead, left and up (REP 103)."""
 _GYRO = TableFormat(
@@ -34,11 +36,16 @@ _GYRO = TableFormat(
     | {rate.removesuffix("_rate"): rate for rate in RATES}
     | _BY_AXIS,
 )
+_EUROC = {"p_rs_r": "t", "q_rs": "q"}
+"""Names in the ground truth of EuRoC, which is that of the IMU."""
 _POSITION, _QUATERNION = ("tx", "ty", "tz"), ("qx", "qy", "qz", "qw")
 _POSES = TableFormat(
     columns=(TIME, *_POSITION, *_QUATERNION),
     needed=8,
-    names=TIME_NAMES | {name: name for name in (*_POSITION, *_QUATERNION)},
+    names=TIME_NAMES
+    | {name: name for name in (*_POSITION, *_QUATERNION)}
+    | {f"{kind}_{axis}": f"{name}{axis}" for kind, name in _EUROC.items() for axis in "wxyz"},
+    units=LENGTH_UNITS,
 )
 _MAX_RATE = 10.0
 """Largest rate [rad/s]: a camera that turns faster sees nothing but blur, so larger values have
@@ -65,7 +72,8 @@ class MotionRecord(ABC):
     """A record of the camera's rotation, in ascending order of ``times`` (n,) [s].
 
     ``longest_gap`` [s] is the largest interval between neighbouring samples of a continuous record.
-    ``measured`` names the rates of rotation that it has. ``notes`` are remarks for the user.
+    ``measured`` names the rates of rotation that it has. ``notes`` are remarks for the user,
+    ``assumed`` what was chosen for them.
     ``file`` and ``option`` name the record in messages, ``source`` says what measured it.
     """
 
@@ -76,7 +84,21 @@ class MotionRecord(ABC):
     longest_gap: float
     measured: frozenset[str] = frozenset(RATES)
     notes: tuple[str, ...] = ()
+    assumed: tuple[Assumption, ...] = ()
     file: str = ""
+
+    @property
+    def axes(self) -> Array:
+        """The axes (3, 3) of its sensor, as columns, in ahead, left and up."""
+        return np.eye(3)
+
+    @abstractmethod
+    def turned(self, axes: Array) -> Self:
+        """The record with the rates that it has if its axes (3, 3) point as ``axes`` say."""
+
+    def without_offsets(self) -> Self:
+        """The record without errors of its sensor that are certain."""
+        return self
 
     @abstractmethod
     def rotation_between(self, begin: float, end: float) -> Array | None:
@@ -150,6 +172,23 @@ class GyroRecord(MotionRecord):
 
     rates: Array
 
+    def turned(self, axes: Array) -> Self:
+        """See ``MotionRecord``; an axis is measured if that is which now points there."""
+        names = list(reversed(RATES))
+        sources = np.abs(axes).argmax(axis=1).tolist()
+        known = (names[k] for k, n in enumerate(sources) if names[n] in self.measured)
+        return replace(self, rates=self.rates @ axes.T, measured=frozenset(known))
+
+    def without_offsets(self) -> Self:
+        """The record without the offsets of roll and pitch that are certain, with notes on them."""
+        duration, rates, notes = float(self.times[-1] - self.times[0]), self.rates.copy(), []
+        for axis, name in ((0, "roll"), (1, "pitch")):
+            offset = float(rates[:, axis].mean())
+            if duration >= _MIN_DURATION and abs(offset) * duration > _MAX_TILT:
+                rates[:, axis] -= offset
+                notes.append(f"the gyro's {name} rate has an offset of {offset:.4f} rad/s: removed")
+        return replace(self, rates=rates, notes=(*self.notes, *notes))
+
     def rotation_between(self, begin: float, end: float) -> Array | None:
         """The rates, integrated from ``begin`` to ``end`` [s]; see ``MotionRecord``."""
         if self._span(begin, end, self.longest_gap) is None:
@@ -177,6 +216,15 @@ class PoseRecord(MotionRecord):
     places: Array
     quaternions: Array
     base_from_camera: Array
+
+    @property
+    def axes(self) -> Array:
+        """See ``MotionRecord``."""
+        return self.base_from_camera
+
+    def turned(self, axes: Array) -> Self:
+        """See ``MotionRecord``."""
+        return replace(self, base_from_camera=axes @ self.base_from_camera)
 
     def rotation_between(self, begin: float, end: float) -> Array | None:
         """The rotation from one interpolated pose to the other; see ``MotionRecord``."""
@@ -212,13 +260,13 @@ class PoseRecord(MotionRecord):
         return places, turns
 
 
-def load_gyro_record(path: Path, vertical: str = "z") -> GyroRecord:
+def load_gyro_record(path: Path, axes: Array | None = None) -> GyroRecord:
     """Read a table with the columns time, yaw_rate and, if known, pitch_rate and roll_rate.
 
     Without a header these are the columns, in s and rad/s. A header may name them in other words
     and units (``navfw.perceive.timed_table``), in any order, among columns of other quantities.
-    Rows with a missing or NaN value are left out and make a gap. ``vertical`` is the axis of the
-    gyro that is up: "x", "y" or "z".
+    Rows with a missing or NaN value are left out and make a gap. ``axes`` (3, 3) are those of the
+    gyro, as columns, in ahead, left and up; None: those that the names say. Offsets are left in.
 
     Raises:
         InputError: the file is no such table, a rate can only be in another unit, or there are
@@ -227,10 +275,9 @@ def load_gyro_record(path: Path, vertical: str = "z") -> GyroRecord:
     """
     table = TimedTable(path, _GYRO)
     notes = [f"gyro columns not used: {', '.join(table.unused)}"] if table.unused else []
-    turns = 2 - "xyz".index(vertical)
-    if table.names & _BY_AXIS.keys():
-        axes = np.roll(list("xyz"), turns)
-        notes.append(f"the gyro's axes {', '.join(axes)} are taken as ahead, left, up")
+    assumed = list(table.assumed)
+    if table.names & _BY_AXIS.keys() and axes is None:
+        assumed.append(assumed_axes(np.eye(3), "its file says nothing else"))
     samples = table.array(TIME, *reversed(RATES))
     fastest = np.abs(samples[:, 1:]).max(axis=1)
     is_usable = np.isfinite(samples).all(axis=1)
@@ -245,33 +292,23 @@ def load_gyro_record(path: Path, vertical: str = "z") -> GyroRecord:
     interval = table.interval(times, "gyro sample")
     if left_out := len(samples) - len(usable):
         notes.append(f"{left_out} of {len(samples)} gyro samples are not numbers")
-    rates, offsets = _without_offsets(times, np.roll(usable[:, 1:], turns, axis=1))
-    return GyroRecord(
+    record = GyroRecord(
         times=times,
         longest_gap=_GAP_STEPS * interval,
         measured=frozenset(RATES) & table.numbers.keys(),
-        notes=(*notes, *offsets),
+        notes=tuple(notes),
+        assumed=tuple(assumed),
         file=table.file,
-        rates=rates,
+        rates=usable[:, 1:],
     )
+    return record if axes is None else record.turned(axes)
 
 
-def _without_offsets(times: Array, rates: Array) -> tuple[Array, list[str]]:
-    """``rates`` less, in place, the offsets of roll and pitch that are certain; notes on them."""
-    duration = float(times[-1] - times[0])
-    notes = []
-    for axis, name in ((0, "roll"), (1, "pitch")):
-        offset = float(rates[:, axis].mean())
-        if duration >= _MIN_DURATION and abs(offset) * duration > _MAX_TILT:
-            rates[:, axis] -= offset
-            notes.append(f"the gyro's {name} rate has an offset of {offset:.4f} rad/s: removed")
-    return rates, notes
+def load_pose_record(path: Path, pitch: float = 0.0, axes: Array | None = None) -> PoseRecord:
+    """Read a table of ``time tx ty tz qx qy qz qw`` ([s], [m], quaternion), or EuRoC's.
 
-
-def load_pose_record(path: Path, pitch: float = 0.0) -> PoseRecord:
-    """Read a table of ``time tx ty tz qx qy qz qw`` ([s], [m], quaternion).
-
-    The camera's axis points ``pitch`` [rad] below base_link's x axis.
+    The camera's axis points ``pitch`` [rad] below base_link's x axis. With ``axes`` (3, 3) poses
+    are those of a body with these axes, as columns, in ahead, left and up.
 
     Raises:
         InputError: the file is no such table, a row has no position or no rotation, positions can
@@ -297,11 +334,17 @@ def load_pose_record(path: Path, pitch: float = 0.0) -> PoseRecord:
         raise table.error(
             f"the camera moves at {speed:.0f} m/s; expected positions in metres, not millimetres"
         )
+    assumed = list(table.assumed)
+    if axes is None and table.names & {f"{kind}_x" for kind in _EUROC}:
+        reason = "its columns are those of EuRoC, whose poses are of the IMU"
+        assumed.append(assumed_axes(OPTICAL, reason, "poses"))
+    base_from_camera = CameraModel(pitch=pitch).base_from_camera
     return PoseRecord(
         times=times,
         longest_gap=_GAP_STEPS * interval,
+        assumed=tuple(assumed),
         file=table.file,
         places=places,
         quaternions=poses[:, 4:],
-        base_from_camera=CameraModel(pitch=pitch).base_from_camera,
+        base_from_camera=base_from_camera if axes is None else axes,
     )

@@ -38,6 +38,7 @@ from navfw.perceive.perceiver_options import (
 from navfw.perceive.sentence_evidence import HeldWords, front_probabilities
 from navfw.plugins import Registry
 from navfw.robot import CameraModel, RobotModel
+from navfw.robot.camera_models import RATES
 from navfw.signals import FlowField, Frame, FramePair, Label, Percept, Twist
 
 MIN_PARALLAX = 1.0
@@ -131,7 +132,7 @@ class Perceiver:
         o = self.options
         rows, cols = o.grid_for(width, height)
         self.size = size = WorkingSize.of(width, height, rows, cols)
-        rate = min(max(self.source.rate, 0.01), 1e4)
+        rate = min(max(self.source.rate, RATES[0]), RATES[1])  # pairs have times of their own
         hfov = o.angle_of_view(width, height, self.source.hfov)
         self._camera = size.camera(hfov, 1.0, math.radians(o.pitch or 0.0), rate)
         params = self._plugin.Params.model_validate({"rows": rows, "cols": cols})

@@ -6,12 +6,12 @@ Images are scaled and cropped to a size that the flow's grid divides.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
+from navfw.assumption import Assumption
 from navfw.errors import InputError
 from navfw.numerics import Array, Image
 from navfw.perceive.image_sources import ImageSource
@@ -213,31 +213,18 @@ class PerceiverOptions:
 
 def assumptions(
     options: PerceiverOptions, source: ImageSource, size: WorkingSize
-) -> dict[str, float | str]:
-    """What the results for images of ``source`` assume; a key is missing where it was given.
-
-    ``hfov_deg`` [deg] is the horizontal field of view, ``pitch_deg`` [deg] the camera's pitch,
-    ``distortion`` that of the lens, ``fps`` [1/s] the frame rate. Of the motion nothing is assumed.
-    """
-    assumed: dict[str, float | str] = {}
+) -> list[Assumption]:
+    """What the results for images of ``source`` assume; of the motion nothing is assumed."""
+    assumed = []
     if options.hfov is None and source.hfov is None:
-        view = options.angle_of_view(size.width, size.height, None)
-        assumed["hfov_deg"] = round(math.degrees(view), 1)
+        view = math.degrees(options.angle_of_view(size.width, size.height, None))
+        reason = "of the main camera of a telephone"
+        taken = f"{view:.3g} degrees"
+        what = "horizontal field of view"
+        assumed.append(Assumption(what, taken, reason, "--hfov, --calibration"))
     if source.hfov is None:
-        assumed["distortion"] = "none"
+        assumed.append(Assumption("lens distortion", "none", "", "--calibration"))
     if options.pitch is None:
-        assumed["pitch_deg"] = 0.0
-    if not source.rate_known:
-        assumed["fps"] = source.rate
-    return assumed
-
-
-def assumptions_line(assumed: Mapping[str, float | str]) -> str:
-    """The assumptions in one line, with the options that replace them."""
-    words = {
-        "hfov_deg": "horizontal field of view {:g} degrees (--hfov, --calibration)",
-        "distortion": "lens distortion {} (--calibration)",
-        "pitch_deg": "pitch {:g} degrees until the floor shows it (--pitch)",
-        "fps": "{:g} images a second (--fps, --times)",
-    }
-    return "assumed: " + ", ".join(words[key].format(value) for key, value in assumed.items())
+        assumed.append(Assumption("pitch", "0 degrees until the floor shows it", "", "--pitch"))
+    record = () if options.gyro is None else options.gyro.assumed
+    return [*assumed, *source.assumed, *record]

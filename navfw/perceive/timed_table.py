@@ -9,15 +9,17 @@ from __future__ import annotations
 
 import csv
 import difflib
+import itertools
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
 
+from navfw.assumption import Assumption
 from navfw.config.input_file import read_input_text, shown_path
 from navfw.errors import InputError, did_you_mean
 from navfw.numerics import Array
@@ -33,6 +35,10 @@ _RATE_UNITS = {
     **{"°/s": _DEGREE, "dps": _DEGREE, "mdps": 1e-3 * _DEGREE},
 }
 """Units of rates [rad/s]."""
+LENGTH_UNITS = {"": 1.0, "m": 1.0, "cm": 1e-2, "mm": 1e-3}
+"""Units of lengths [m]; quaternions have none."""
+_EPOCH = (1e9, 1e10)
+"""Times [s] since 1970 of the years 2001 to 2286: those in other units are far from them."""
 _MAX_NUMBER = 1e19
 """Largest number of a cell: nanoseconds since 1970 have 2e18."""
 _MAX_INTERVAL = 2.0
@@ -48,13 +54,21 @@ class TableFormat:
 
     ``columns`` are their names in the order that they have without a header, the first ``needed``
     of them required; ``names`` maps each name that a header may use to one of them. The column
-    ``text`` holds no numbers; a table that may have one may have others after it.
+    ``text`` holds no numbers; a table that may have one may have others after it. ``units`` are
+    those of the other columns.
     """
 
     columns: tuple[str, ...]
     needed: int
     names: Mapping[str, str]
     text: str = ""
+    units: Mapping[str, float] = field(default_factory=lambda: _RATE_UNITS)
+
+
+def epoch_unit(time: float) -> float | None:
+    """The unit [s] of a time since 1970, by its magnitude; None if it is none."""
+    units = (1.0, 1e-3, 1e-6, 1e-9)
+    return next((unit for unit in units if _EPOCH[0] <= time * unit < _EPOCH[1]), None)
 
 
 class TimedTable:
@@ -63,7 +77,8 @@ class TimedTable:
     ``lines`` has the number of each row's line; ``numbers`` the values (n,) of each column, times
     [s] and rates [rad/s], nan where a cell is empty; ``texts`` the cells of the column without
     numbers; ``names`` the names in the header, without their units, and ``unused`` those cells of
-    it that name other quantities. The times of rows without a missing number increase.
+    it that name other quantities. The times of rows without a missing number increase; where no
+    header names their unit, it follows from their magnitude, and is ``assumed``.
 
     Raises:
         InputError: the file cannot be read, lacks a column or has it twice, or has an unknown unit;
@@ -79,18 +94,24 @@ class TimedTable:
         self.texts: list[str] = []
         self.names: set[str] = set()
         self.unused: list[str] = []
+        self.assumed: list[Assumption] = []
+        self.unit_named = False
         self._kind = kind
         rows = list(self._split(read_input_text(path)))
+        comments = list(itertools.takewhile(_is_comment, rows))
+        rows = [row for row in rows if not _is_comment(row)]
+        rows = [*[row for row in comments if self._is_header(row[1], rows)][-1:], *rows]
         if not rows:
             return
         line, cells = rows[0]
         if _is_number(cells[0]):
             columns = self._by_position(line, len(cells))
         else:
-            columns = self._by_header(line, cells)
+            columns = self._by_header(line, [cells[0].lstrip("#"), *cells[1:]])
             del rows[0]
         self.lines = [line for line, _ in rows]
         self._fill(rows, columns)
+        self._find_unit()
         self._check_order()
 
     def array(self, *names: str) -> Array:
@@ -135,6 +156,24 @@ class TimedTable:
                 numbers = [self._number(line, name, cells[k]) for line, cells in rows]
                 self.numbers[name] = unit * np.array(numbers)
 
+    def _is_header(self, cells: Sequence[str], below: Sequence[tuple[int, list[str]]]) -> bool:
+        """Whether a comment names the columns of the table ``below`` it, as EuRoC's do."""
+        name = _name_and_unit(cells[0].lstrip("#"))[0]
+        same = below and len(below[0][1]) == len(cells) and _is_number(below[0][1][0])
+        return bool(same) and name in self._kind.names
+
+    def _find_unit(self) -> None:
+        """Convert times since 1970 whose magnitude says that they are not in seconds."""
+        times = self.numbers.get(TIME, np.empty(0))
+        times = times[np.isfinite(times)]
+        unit = None if self.unit_named or not times.size else epoch_unit(float(np.median(times)))
+        if unit is None or unit == 1.0:
+            return
+        self.numbers[TIME] *= unit
+        name = next(name for name, value in _TIME_UNITS.items() if value == unit)
+        reason = f"{self.file} does not name it, and its times are then since 1970"
+        self.assumed.append(Assumption("unit of times", name, reason, "a header such as time_ns"))
+
     def _check_order(self) -> None:
         usable = np.flatnonzero(np.isfinite(self.array(*self.numbers)).all(axis=1))
         times = self.numbers[TIME][usable]
@@ -150,8 +189,8 @@ class TimedTable:
         return InputError(message, file=self.file, line=line, key=key)
 
     def _split(self, text: str) -> Iterator[tuple[int, list[str]]]:
-        """Line number and cells of each line that is neither empty nor a comment."""
-        lines = text.splitlines()
+        """Line number and cells of each line that is not empty."""
+        lines = [re.sub(r"^\s*#+\s*", "#", line) for line in text.splitlines()]
         rows = (line for line in lines if line.strip() and not line.lstrip().startswith("#"))
         first = next(rows, "")
         # programs of countries with decimal commas separate by semicolons, others by tabs
@@ -163,7 +202,7 @@ class TimedTable:
         try:
             for row in reader:
                 cells = [cell.strip() for cell in row]
-                if any(cells) and not cells[0].startswith("#"):
+                if any(cells):
                     yield reader.line_num, cells
         except csv.Error as error:
             raise self.error(f"is not a CSV file: {error}", reader.line_num) from None
@@ -178,7 +217,8 @@ class TimedTable:
         return [*used, *[None] * (count - len(used))]
 
     def _by_header(self, line: int, header: Sequence[str]) -> list[_TimedColumn | None]:
-        columns = [self._named(line, word) for word in header]
+        written = {_name_and_unit(word)[0] for word in header}
+        columns = [self._named(line, word, written) for word in header]
         self.unused = [word for word, one in zip(header, columns, strict=True) if one is None]
         names = [column[0] for column in columns if column is not None]
         for name in self._kind.columns[: self._kind.needed]:
@@ -189,18 +229,22 @@ class TimedTable:
                 raise self.error(f"has several columns of {name!r}; keep one", line)
         return columns
 
-    def _named(self, line: int, word: str) -> _TimedColumn | None:
-        """The column with the name ``word`` in the header; None for another quantity."""
+    def _named(self, line: int, word: str, all_: set[str]) -> _TimedColumn | None:
+        """The column with the name ``word`` in the header; None for another quantity.
+
+        A name that is nearly that of a column is wrong, unless one of ``all_`` has that name.
+        """
         written, unit = _name_and_unit(word)
         self.names.add(written)
         name = self._kind.names.get(written)
         if name is None:
             near = difflib.get_close_matches(written, self._kind.names, n=1, cutoff=0.75)
-            if near and not self._kind.text:
+            if near and not self._kind.text and not set(near) & all_:
                 hint = did_you_mean(written, self._kind.names)
                 raise self.error(f"unknown column {word!r}: {hint}", line)
             return None
-        units = _TIME_UNITS if name == TIME else _RATE_UNITS
+        units = _TIME_UNITS if name == TIME else self._kind.units
+        self.unit_named |= name == TIME and bool(unit)
         if unit and unit not in units:
             raise self.error(f"unknown unit in {word!r}; known: {', '.join(units)}", line)
         return name, units.get(unit, 1.0)
@@ -224,12 +268,16 @@ def _name_and_unit(word: str) -> tuple[str, str]:
         text = bracketed[1]
     name = re.sub(r"[ .\-]+", "_", text)
     if bracketed:
-        return name, bracketed[2]
+        return name, bracketed[2].replace(" s^-1", "/s")
     for unit in (*_RATE_UNITS, *_TIME_UNITS):
         stem = name.removesuffix("_" + unit.replace("/", "_"))
         if stem not in {name, ""}:
             return stem, unit
     return name, ""
+
+
+def _is_comment(row: tuple[int, list[str]]) -> bool:
+    return row[1][0].startswith("#")
 
 
 def _is_number(cell: str) -> bool:

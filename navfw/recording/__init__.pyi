@@ -2,9 +2,9 @@ from .bag_reader import Bag as Bag
 from .bag_reader import BagImage as BagImage
 from .bag_reader import deserialize_cdr as deserialize_cdr
 from .bag_reader import driven_way as driven_way
-from .bag_reader import planar_pose as planar_pose
-from .bag_reader import ros_image as ros_image
-from .bag_reader import turn_rates as turn_rates
+from .bag_topics import planar_pose as planar_pose
+from .bag_topics import turn_rates as turn_rates
+from .image_messages import ros_image as ros_image
 from .provenance import code_revision as code_revision
 from .provenance import machine_kind as machine_kind
 from .ros_messages import odometry_message as odometry_message

@@ -7,20 +7,28 @@ definitions of messages are not used, as rosbags would execute code made of them
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Iterator, Mapping
-from contextlib import contextmanager, suppress
+import re
+from collections import Counter
+from collections.abc import Generator, Iterable, Iterator, Mapping
+from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
+from weakref import finalize
 
-import cv2
 import numpy as np
 
+from navfw.assumption import Assumption
 from navfw.config.extras import extra_imports
-from navfw.config.image_file import MAX_PIXELS, decode_image
-from navfw.config.input_file import is_folder, open_input, shown_path
-from navfw.errors import ConfigError, NavfwError, UnknownNameError, did_you_mean
-from navfw.numerics import Array, Image
+from navfw.config.input_file import is_file, is_folder, open_input, shown_path
+from navfw.errors import ConfigError, NavfwError, UnknownNameError
+from navfw.numerics import Array
+from navfw.process.atomic import scratch_folder
+from navfw.recording.bag_topics import ROLES, info_topics, topics_of
+from navfw.recording.cut_bag import mended
+from navfw.recording.image_messages import is_film, no_picture
 from navfw.recording.ros_messages import message_types
+from navfw.recording.run_folder import bag_files
+from navfw.recording.static_frames import BASES, OPTICAL, StaticFrames, agreeing_axes, assumed_axes
 
 with extra_imports("bags"):
     from rosbags import rosbag1, rosbag2
@@ -29,83 +37,12 @@ with extra_imports("bags"):
 
 _CLOCKS = 1.0
 """Difference of a topic's clock from the bag's [s] from which its stamps are not used."""
-_ENCODINGS: Mapping[str, tuple[int, int | None]] = {
-    **dict.fromkeys(("mono8", "8UC1"), (1, cv2.COLOR_GRAY2BGR)),
-    **dict.fromkeys(("bgr8", "8UC3"), (3, None)),
-    "rgb8": (3, cv2.COLOR_RGB2BGR),
-    "bgra8": (4, cv2.COLOR_BGRA2BGR),
-    "rgba8": (4, cv2.COLOR_RGBA2BGR),
-    "bayer_rggb8": (1, cv2.COLOR_BayerRGGB2BGR),
-    "bayer_bggr8": (1, cv2.COLOR_BayerBGGR2BGR),
-    "bayer_gbrg8": (1, cv2.COLOR_BayerGBRG2BGR),
-    "bayer_grbg8": (1, cv2.COLOR_BayerGRBG2BGR),
-}
-"""Channels of each encoding, and OpenCV's conversion to BGR."""
 
 
-def ros_image(message: Any, name: str) -> Image:
-    """The image (height, width, 3) BGR in an ``Image`` or ``CompressedImage`` called ``name``.
-
-    Raises:
-        ConfigError: its encoding is unknown, its size impossible, or its content damaged.
-
-    """
-    if hasattr(message, "format"):
-        return np.asarray(decode_image(bytes(message.data), name), dtype=np.uint8)
-    if message.encoding not in _ENCODINGS:
-        hint = did_you_mean(message.encoding, _ENCODINGS)
-        raise ConfigError(f"unknown encoding {message.encoding!r:.40}: {hint}", file=name)
-    channels, conversion = _ENCODINGS[message.encoding]
-    height, width, step = message.height, message.width, message.step
-    row, data = channels * width, np.asarray(message.data, dtype=np.uint8)
-    fits = 0 < width * height <= MAX_PIXELS
-    if not (fits and row <= step and step * height <= data.size):
-        what = f"has {data.size} bytes in rows of {step} for {width} x {height} pixels"
-        raise ConfigError(f"the image {what} of {message.encoding}", file=name)
-    rows = data[: step * height].reshape(height, step)[:, :row]
-    image = np.ascontiguousarray(rows.reshape((height, width, channels)[: 2 + (channels > 1)]))
-    return np.asarray(image if conversion is None else cv2.cvtColor(image, conversion), np.uint8)
-
-
-def turn_rates(message: Any) -> tuple[float, ...]:
-    """The rates (3,) [rad/s] of an ``Imu``; nan alone where it has none."""
-    rates, absent = message.angular_velocity, message.angular_velocity_covariance[0] == -1.0
-    return (math.nan,) if absent else (rates.x, rates.y, rates.z)
-
-
-def planar_pose(message: Any) -> tuple[float, ...]:
-    """The pose x, y [m], yaw [rad] of an ``Odometry`` in its plane."""
-    place, q = message.pose.pose.position, message.pose.pose.orientation
-    across = 1.0 - 2.0 * (q.y * q.y + q.z * q.z)
-    return place.x, place.y, math.atan2(2.0 * (q.w * q.z + q.x * q.y), across)
-
-
-def _turns(message: Any) -> tuple[float, ...]:
-    angles = dict(zip(message.name, message.position, strict=False))
-    sides = [[angles[n] for n in angles if side in n.lower()] for side in ("left", "right")]
-    return tuple(side[0] if side else math.nan for side in sides)
-
-
-def _command(message: Any) -> tuple[float, ...]:
-    twist = message.twist if hasattr(message, "twist") else message
-    return twist.linear.x, twist.angular.z
-
-
-_ROLES: Mapping[str, tuple[tuple[str, ...], str, int, Callable[[Any], tuple[float, ...]]]] = {
-    "images": (("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"), "", 0, lambda _: ()),
-    "gyro": (("sensor_msgs/msg/Imu",), "imu", 3, turn_rates),
-    "odometry": (("nav_msgs/msg/Odometry",), "odom", 3, planar_pose),
-    "joints": (("sensor_msgs/msg/JointState",), "joint_states", 2, _turns),
-    "commands": (
-        ("geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"),
-        "cmd_vel",
-        2,
-        _command,
-    ),
-    "info": (("sensor_msgs/msg/CameraInfo",), "camera_info", 0, lambda _: ()),
-}
-"""Of what is read: types of message, the usual end of a topic's name, and the numbers of each."""
-
+_TURNED = 1.0
+"""Turns of the wheels [rad] after which the axes of the gyro are compared with them."""
+_REMEDIES = {".bag": "rosbag reindex", ".active": "rosbag reindex", ".mcap": "mcap recover"}
+"""What repairs a bag, by its suffix; ``ros2 bag reindex`` writes the metadata of a folder."""
 
 _SENSORS = {
     "camera": "a camera: there are no images (sensor_msgs Image or CompressedImage)",
@@ -127,42 +64,64 @@ class BagImage(NamedTuple):
 class Bag:
     """The bag at ``path``; times [s] count from its begin, by stamps, else by reception.
 
-    Arrays have a row for each message, its time first: ``gyro`` (n, 4) rates about x, y, z [rad/s],
-    ``odometry`` (n, 4) x, y [m] and yaw [rad] without jumps, ``joints`` (n, 3) the angles of the
-    left and the right wheel [rad], ``commands`` (n, 3) v [m/s], w [rad/s]. ``images`` (n, 2) has
-    times and reception of the images of ``topic``, or of that with most; ``info`` is the first
-    ``CameraInfo``, None without one. ``notes`` are remarks for people.
+    Arrays have a row for each message, its time first: ``gyro`` (n, 4) rates about base_link's x,
+    y, z [rad/s], ``odometry`` (n, 4) x, y [m] and yaw [rad] without jumps, ``joints`` (n, 3) the
+    angles of the left and the right wheel [rad], ``commands`` (n, 3) v [m/s], w [rad/s]. ``images``
+    (n, 2) has times and reception of the images of ``topic``, or of the one with most pictures;
+    ``info`` is the first ``CameraInfo`` beside it, None without one. ``imu_axes`` (3, 3) are the
+    gyro's axes, as columns, in base_link; by default those of ``/tf_static``, or by the name of its
+    frame. ``axes`` are those that are used, ``optical`` those of the camera, None if not known.
+    ``notes`` are remarks for people, ``assumed`` what was chosen for them.
 
     Raises:
-        ConfigError: it cannot be read, is too large, or damaged.
+        ConfigError: it cannot be read, is too large, or damaged; ``topic`` shows no pictures.
         UnknownNameError: ``topic`` has no images.
 
     """
 
-    def __init__(self, path: Path, topic: str | None = None) -> None:
+    def __init__(self, path: Path, topic: str | None = None, imu_axes: Array | None = None) -> None:
         self.path, self.file = path, shown_path(path)
         self.notes: list[str] = []
+        self.assumed: list[Assumption] = []
         self.info: Any = None
         if not is_folder(path):
             with open_input(path):
                 pass
-        with self._opened() as reader:
-            self._begin = int(reader.start_time)
-            self.duration = max(1e-9 * reader.duration, 0.0)
-            counts = [(link.topic, link.msgtype, link.msgcount) for link in reader.connections]
-        self._topics = {role: self._topic_of(role, counts, topic) for role in _ROLES}
-        rows: dict[str, list[tuple[float, ...]]] = {role: [] for role in _ROLES}
-        roles = {name: role for role, name in self._topics.items()}
-        for name, received, message in self._messages(*filter(None, roles)):
-            if roles[name] == "info" and self.info is None:
+        self._scratch = ExitStack()
+        finalize(self, self._scratch.close)
+        self._files = [path]
+        self._make_readable()
+        with self._opened() as readers:
+            self._begin = min(int(reader.start_time) for reader in readers)
+            end = max(int(reader.start_time + reader.duration) for reader in readers)
+            self.duration = max(1e-9 * (end - self._begin), 0.0)
+            links = [link for reader in readers for link in reader.connections]
+        counts: Counter[tuple[str, str]] = Counter()
+        for link in links:
+            counts[link.topic, link.msgtype] += link.msgcount
+        self._counts = [(*key, count) for key, count in counts.items()]
+        self._topics = {"images": self._image_topic(topic)}
+        self._topics |= {role: self._topic_of(role) for role in ROLES if role != "images"}
+        self._topics["info"] = self._info_topic()
+        imus = dict.fromkeys(topics_of("gyro", self._counts), "gyro")
+        rows: dict[str, list[tuple[float, ...]]] = {name: [] for name in imus}
+        frames, mounts = dict[str, str](), StaticFrames()
+        roles = {name: role for role, name in self._topics.items() if name} | imus
+        for name, received, message in self._messages(*roles):
+            role, header = roles[name], getattr(message, "header", None)
+            if role == "mounts":
+                mounts.add(message)
+                continue
+            if role == "info" and self.info is None:
                 self.info = message
-            header, width = getattr(message, "header", None), _ROLES[roles[name]][2]
-            numbers = (*_ROLES[roles[name]][3](message), *[math.nan] * width)[:width]
+            numbers = (*ROLES[role][3](message), *[math.nan] * ROLES[role][2])
             stamp = received
             if header is not None:  # divided, as a decimal number is read
                 stamp = (10**9 * header.stamp.sec + header.stamp.nanosec - self._begin) / 1e9
-            rows[roles[name]].append((stamp, received, *numbers))
-        tables = {role: self._table(role, rows[role]) for role in _ROLES}
+                frames.setdefault(name, header.frame_id.lstrip("/"))
+            rows.setdefault(name, []).append((stamp, received, *numbers[: ROLES[role][2]]))
+        self._choose_gyro(imus, rows)
+        tables = {r: self._table(r, rows.get(self._topics[r], [])) for r in ROLES if r != "mounts"}
         self._all_images = tables["images"]
         self.images = self._all_images[np.isfinite(self._all_images[:, 0])]
         self.gyro, self.odometry, self.joints, self.commands = (
@@ -170,10 +129,48 @@ class Bag:
             for table in (tables[role] for role in ("gyro", "odometry", "joints", "commands"))
         )
         self.odometry[:, 3] = np.unwrap(self.odometry[:, 3])
+        gyro, camera = (
+            mounts.above(frames.get(self._topics[role], "")) for role in ("gyro", "images")
+        )
+        self.optical = self._turn_to_base(gyro, camera, imu_axes)
         if self.info is not None and not (self.info.width and self.matrix.any()):
             self.notes.append(f"{self._topics['info']} is empty: it says nothing of the camera")
             self.info = None
         self.notes += [] if len(self.images) else ["there are no images"]
+
+    def _make_readable(self) -> None:
+        """Read each file of a folder by itself, and copies of those that are cut off, if need be.
+
+        A folder of ROS 2 whose recorder was killed has no metadata.yaml; the newest messages of a
+        .db3 may be in a log.
+        """
+        files = bag_files(self.path)
+        with suppress(ConfigError):
+            if not any(map(_log_of, files)):
+                with self._opened():
+                    return
+        if len({re.sub(r"_\d+$", "", file.stem) for file in files}) > 1:
+            names = ", ".join(file.name for file in files[:5])
+            raise ConfigError(f"holds several recordings: give one of {names}", file=self.file)
+        self._files = [self._intact(file) for file in files]
+        with self._opened():
+            if files != [self.path]:
+                what = "is missing or wrong, so each file is read by itself"
+                self.notes.append(f"metadata.yaml {what}; ros2 bag reindex writes it")
+
+    def _intact(self, file: Path) -> Path:
+        """The ``file``, or a copy of its intact part if it is cut off."""
+        self._files = [file]
+        with suppress(ConfigError):
+            if not _log_of(file):
+                with self._opened():
+                    return file
+        copy = None
+        with suppress(Exception):  # of many kinds, as it may be no bag
+            copy = mended(file, self._scratch.enter_context(scratch_folder("bag")))
+        if copy is not None:
+            self.notes.append(f"{file.name} was cut off: what is intact is read")
+        return copy or file
 
     @property
     def lacking(self) -> dict[str, str]:
@@ -181,6 +178,16 @@ class Bag:
         wheels = len(self.joints) or len(self.odometry)
         counts = {"camera": len(self.images), "gyro": len(self.gyro), "wheels": wheels}
         return {role: _SENSORS[role] for role, count in counts.items() if not count}
+
+    @property
+    def image_topic(self) -> str:
+        """The topic of the images; "" without one."""
+        return self._topics["images"]
+
+    @property
+    def info_topic(self) -> str:
+        """The topic of the camera's ``info``; "" without one."""
+        return self._topics["info"]
 
     @property
     def matrix(self) -> Array:
@@ -195,26 +202,123 @@ class Bag:
             if math.isfinite(row[0]):
                 yield BagImage(f"{topic} {number}", row[0], row[1], sent[2])
 
-    def _topic_of(self, role: str, counts: list[tuple[str, str, int]], wanted: str | None) -> str:
-        """The topic that is read: of the usual name, or with most messages; "" if there is none."""
-        kinds, usual, *_ = _ROLES[role]
-        known = [
-            (usual in name.split("/"), n, name) for name, kind, n in counts if kind in kinds and n
-        ]
-        names = [name for *_, name in sorted(known, reverse=True)]
-        if role == "images" and wanted is not None:
-            if wanted not in names:
-                raise UnknownNameError(
-                    "topic of images", wanted, names, file=self.file, key="--topic"
-                )
-            return wanted
-        if len(names) > 1:
-            self.notes.append(f"{names[0]} is read, not {', '.join(names[1:4])}")
+    def _topic_of(self, role: str) -> str:
+        """The topic that is read; "" if there is none."""
+        names = topics_of(role, self._counts)
+        if len(names) > 1 and role not in {"gyro", "info", "mounts"}:
+            self._chosen(role, names)
         return names[0] if names else ""
+
+    def _chosen(self, role: str, names: list[str], option: str = "") -> None:
+        others = f"{', '.join(names[1:4])} {'has' if len(names) == 2 else 'have'} such messages too"
+        self.assumed.append(Assumption(f"topic of {role}", names[0], others, option))
+
+    def _image_topic(self, wanted: str | None) -> str:
+        """The topic ``wanted``, or that with most pictures; ``no_pictures`` says what others are.
+
+        Raises:
+            ConfigError: it shows no pictures.
+            UnknownNameError: it has no images.
+
+        """
+        names = topics_of("images", self._counts)
+        self.no_pictures = {
+            name: f"video ({film}): make pictures of it by ros2 run image_transport republish"
+            for name, kind, n in self._counts
+            if (film := is_film(kind)) and n
+        }
+        if wanted is not None and wanted not in [*names, *self.no_pictures]:
+            raise UnknownNameError("topic of images", wanted, names, file=self.file, key="--topic")
+        for name in names:
+            with closing(self._messages(name)) as messages:
+                first = next(messages, None)
+            if first and (reason := no_picture(first[2], "" if name == wanted else name)):
+                self.no_pictures[name] = reason
+        if wanted in self.no_pictures:
+            what = f"{wanted} shows {self.no_pictures[wanted]}, not pictures"
+            others = ", ".join(name for name in names if name not in self.no_pictures)
+            hint = f"; others: {others}" if others else ""
+            raise ConfigError(f"{what}{hint}", file=self.file, key="--topic")
+        pictures = [name for name in names if name not in self.no_pictures]
+        if wanted is None and len(pictures) > 1:
+            self._chosen("images", pictures, "--topic")
+        return wanted or (pictures[0] if pictures else "")
+
+    def _info_topic(self) -> str:
+        """The topic of the ``camera_info`` in the namespace of the images; "" without one."""
+        images, infos = self._topics["images"], topics_of("info", self._counts)
+        own = info_topics(images)
+        found = [info for info in own if info in infos]
+        if not found and infos and images:
+            what = f"{', '.join(infos[:3])} may be of another camera, and is not used"
+            self.notes.append(f"there is no {own[0]} of {images}: {what}")
+        return found[0] if found else ""
+
+    def _choose_gyro(
+        self, imus: Iterable[str], rows: Mapping[str, list[tuple[float, ...]]]
+    ) -> None:
+        """Take the first ``Imu`` that has rates: an accelerometer's are absent, or all 0."""
+        turning = [
+            name
+            for name in imus
+            if (table := np.array(rows[name]).reshape(-1, 5)[:, 2:]).size
+            and (np.nan_to_num(table) != 0.0).any()
+        ]
+        for name in sorted(set(imus) - set(turning)):
+            self.notes.append(f"{name} has no rates of rotation: it is not taken as a gyro")
+        if len(turning) > 1:
+            self._chosen("gyro", turning)
+        self._topics["gyro"] = turning[0] if turning else ""
+
+    def _turn_to_base(
+        self, gyro: Mapping[str, Array], camera: Mapping[str, Array], given: Array | None
+    ) -> Array | None:
+        """Turn the gyro's rates into base_link; the axes of the camera there, None if not known.
+
+        ``gyro`` and ``camera`` are the axes of their frames in those above, themselves first.
+        """
+        frame, axes = next(iter(gyro)), given
+        roots = [name for name in camera if name in gyro and len(gyro) + len(camera) > 2]
+        base = next((name for name in (*gyro, *camera) if name in BASES), "")
+        base = base or next((name for name in roots if "optical" not in name), "")
+        reason = ""
+        if axes is None and base and base in gyro:
+            axes = gyro[base]
+        elif axes is None and "optical" in frame:
+            axes, reason = OPTICAL, f"its frame is {frame}"
+        elif axes is None:
+            axes, reason = np.eye(3), f"no transform leads from its frame {frame!r} to base_link"
+        if given is None and (better := self._axes_by_wheels(axes)) is not None:
+            axes, reason = better, "it then turns as the wheels do"
+        if reason and len(self.gyro):
+            self.assumed.append(assumed_axes(axes, reason))
+        self.axes = axes
+        rates = self.gyro[:, 1:]
+        lost = np.isnan(rates) @ (np.abs(axes.T) > 1e-6)
+        self.gyro[:, 1:] = np.where(lost, math.nan, np.nan_to_num(rates) @ axes.T)
+        seen = camera.get(base)
+        if seen is None:
+            return None
+        is_optical = abs(seen[2, 1]) > abs(seen[2, 2])  # its y axis is about vertical, not its z
+        return np.asarray(seen if is_optical else seen @ OPTICAL)
+
+    def _axes_by_wheels(self, axes: Array) -> Array | None:
+        """The gyro's axes in which it turns as the wheels do; None if ``axes`` may be right."""
+        times, yaw = self.odometry[:, 0], self.odometry[:, 3]
+        if len(self.gyro) < 2 or np.abs(np.diff(yaw)).sum() < _TURNED:
+            return None
+        rates = np.nan_to_num(self.gyro[:, 1:])
+        parts = 0.5 * (rates[1:] + rates[:-1]) * np.diff(self.gyro[:, :1], axis=0)
+        turns = np.concatenate([np.zeros((1, 3)), np.cumsum(parts, axis=0)]) @ axes.T
+        at = [np.interp(times, self.gyro[:, 0], turn) for turn in turns.T]
+        unknown = np.full(len(yaw) - 1, math.nan)
+        wheels = np.column_stack([unknown, unknown, np.diff(yaw)])
+        found, _ = agreeing_axes(wheels, np.diff(np.column_stack(at), axis=0))
+        return None if found is None else found @ axes
 
     def _table(self, role: str, rows: list[tuple[float, ...]]) -> Array:
         """Times, reception and numbers; nan as time of messages that are unusable."""
-        table = np.array(rows, dtype=np.float64).reshape(-1, 2 + _ROLES[role][2])
+        table = np.array(rows, dtype=np.float64).reshape(-1, 2 + ROLES[role][2])
         topic = self._topics[role]
         off = float(np.median(table[:, 1] - table[:, 0])) if rows else 0.0
         if abs(off) > _CLOCKS:
@@ -222,41 +326,56 @@ class Bag:
             what = f"the clock of {topic} is {abs(off):.6g} s {'behind' if off > 0.0 else 'ahead'}"
             self.notes.append(f"{what}: its messages count from their reception")
         latest = np.maximum.accumulate([-math.inf, *table[:, 0]])[:-1]
-        needed = table[:, [0, 1, -1]] if role == "gyro" else table  # a gyro may have one axis
-        lost = (table[:, 0] <= latest) | ~np.isfinite(needed).all(axis=1)
+        lost = (table[:, 0] <= latest) | ~np.isfinite(table[:, :2]).all(axis=1)
+        numbers = np.isfinite(table[:, 2:])  # a gyro may have one axis
+        lost |= ~(numbers.any(axis=1) if role == "gyro" else numbers.all(axis=1))
         table[lost, 0] = math.nan
         if lost.any() and role != "info":
             what = "not finite, or going back"
             self.notes.append(f"{lost.sum()} of {len(lost)} messages of {topic} left out: {what}")
         return table
 
-    def _messages(self, *topics: str) -> Iterator[tuple[str, float, Any]]:
+    def _messages(self, *topics: str) -> Generator[tuple[str, float, Any]]:
         """Topic, time of reception [s] and content of messages, in that order."""
-        is_ros1 = self.path.suffix == ".bag"
-        types = message_types(ros1=is_ros1)
-        with self._opened() as reader:
-            wanted = [link for link in reader.connections if link.topic in topics]
-            for link, received, data in reader.messages(wanted) if wanted else ():
-                time = (received - self._begin) / 1e9
-                if not is_ros1:
-                    yield link.topic, time, deserialize_cdr(data, link.msgtype)
-                    continue
-                if link.digest not in {types.generate_msgdef(link.msgtype)[1], "*"}:
-                    raise ValueError(f"{link.msgtype} is not defined as in ROS 1 Noetic")
-                yield link.topic, time, types.deserialize_ros1(data, link.msgtype)
+        types = message_types(ros1=self._is_ros1)
+        with self._opened() as readers:
+            for reader in readers:
+                wanted = [link for link in reader.connections if link.topic in topics]
+                for link, received, data in reader.messages(wanted) if wanted else ():
+                    time = (received - self._begin) / 1e9
+                    if not self._is_ros1:
+                        yield link.topic, time, deserialize_cdr(data, link.msgtype)
+                        continue
+                    if link.digest not in {types.generate_msgdef(link.msgtype)[1], "*"}:
+                        raise ValueError(f"{link.msgtype} is not defined as in ROS 1 Noetic")
+                    yield link.topic, time, types.deserialize_ros1(data, link.msgtype)
+
+    @property
+    def _is_ros1(self) -> bool:
+        return self.path.suffix in {".bag", ".active"}
 
     @contextmanager
-    def _opened(self) -> Iterator[Any]:
-        """The open reader of rosbags."""
+    def _opened(self) -> Iterator[list[Any]]:
+        """The open readers of rosbags, of each file, in the order of their times."""
+        rosbag = rosbag1 if self._is_ros1 else rosbag2
         try:
-            with (rosbag1 if self.path.suffix == ".bag" else rosbag2).Reader(self.path) as reader:
-                yield reader
+            with ExitStack() as stack:
+                readers = [stack.enter_context(rosbag.Reader(file)) for file in self._files]
+                yield sorted(readers, key=lambda reader: int(reader.start_time))
         except NavfwError:
             raise
         except Exception as error:  # rosbags raises errors of many kinds for damaged content
             reason = " ".join(str(error).split())[:200] or type(error).__name__
-            hint = "; of a run's recording make one by navfw export" if "ros2" in reason else ""
-            raise ConfigError(f"not a readable bag: {reason}{hint}", file=self.file) from None
+            hint = "of a run's recording make one by navfw export"
+            if "ros2" not in reason:
+                hint = f"{_REMEDIES.get(self.path.suffix, 'ros2 bag reindex')} may repair it"
+            raise ConfigError(f"not a readable bag: {reason}; {hint}", file=self.file) from None
+
+
+def _log_of(file: Path) -> bool:
+    """Whether SQLite has left a log with messages beside its file."""
+    log = Path(f"{file}-wal")
+    return is_file(log) and log.stat().st_size > 0
 
 
 def deserialize_cdr(data: bytes, kind: str) -> Any:

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from navfw.config.input_file import is_file, read_json_object
+from navfw.config.input_file import is_file, is_folder, read_json_object
 from navfw.errors import ConfigError, InputError
 from navfw.process.atomic import AtomicTarget
 from navfw.process.target_lock import TargetLock, lock_first_free
@@ -38,6 +38,9 @@ MAP, PLAN = "map.yaml", "plan.yaml"
 EXPLORED, PLANS = "explored.yaml", "plans"
 """The map that an exploration made, and the folder of its floor plan."""
 
+_BAGS = {".bag", ".active", ".mcap", ".db3"}
+"""Suffixes of bags; ``.bag.active`` is what a recorder that was killed leaves."""
+
 FILES = frozenset(
     {RESULT, PICTURE, RECORDING, REPORT, LAYOUT, EXPLORED, PLANS}
     | {MAP, "stack.yaml", PLAN, "plan.png", f".{RESULT}"},
@@ -47,7 +50,18 @@ FILES = frozenset(
 
 def is_bag(path: Path) -> bool:
     """Whether ``path`` is called as a bag's file is, or is the folder of one."""
-    return path.suffix in {".bag", ".mcap", ".db3"} or is_file(path / "metadata.yaml")
+    return path.suffix in _BAGS or is_file(path / "metadata.yaml") or bag_files(path) != [path]
+
+
+def bag_files(path: Path) -> list[Path]:
+    """The files with the messages of a bag: in a folder of ROS 2, else ``path`` itself.
+
+    A folder that holds images, or a run, is none.
+    """
+    inside = sorted(path.glob("*")) if is_folder(path) else []
+    names = {file.suffix for file in inside} | {file.name for file in inside}
+    files = [file for file in inside if file.suffix in {".mcap", ".db3"} and is_file(file)]
+    return files if files and not names & {RECORDING, RESULT, ".png", ".jpg"} else [path]
 
 
 def recording_in(folder: str | Path) -> Path:

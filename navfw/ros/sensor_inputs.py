@@ -18,6 +18,7 @@ from navfw.errors import ConfigError
 from navfw.numerics import Array, Image
 from navfw.recording import planar_pose, ros_image, turn_rates
 from navfw.recording.ros_messages import wheel_joints
+from navfw.recording.static_frames import BASES, StaticFrames
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Encoders, Frame, Inertial, SensorReading, Waypoint
 from navfw.topomap import TopoMap
@@ -32,10 +33,6 @@ _SHAPE = 0.01
 """Relative difference of the shape of an image from that of the robot's camera that is allowed."""
 _MAX_ROWS = 1000
 """Messages of gyro and wheels that wait for each other."""
-_BASES = {"", "base_link", "base_footprint"}
-"""Frames with the axes of base_link."""
-_UNIT, _MAX_DEPTH = 0.1, 50
-"""Allowed error of a quaternion's norm, and links from the IMU to base_link."""
 _MAX_TICKS = 1e12
 """Largest count of an encoder that is believed."""
 
@@ -60,7 +57,7 @@ class SensorInputs:
         self._joints = (joints[:1], joints[1:2]) if joints else wheel_joints(robot)
         turn = Rotation.from_euler("xyz", imu_rpy).as_matrix()
         self._axes: Array | None = turn if any(imu_rpy) else None
-        self._mounts: dict[str, tuple[str, Array]] = {}
+        self._mounts = StaticFrames()
         self._begin = 0.0 if snap else None
         self._last: dict[str, float] = {}
         self._agreed = set[str]()
@@ -139,28 +136,16 @@ class SensorInputs:
 
     def mounts(self, message: Any) -> None:
         """Take in static transforms, a ``TFMessage``: they tell how the IMU is mounted."""
-        for link in message.transforms:
-            q = link.transform.rotation
-            size = math.sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w)
-            if not abs(size - 1.0) < _UNIT:
-                self._note("a transform on /tf_static is left out: its rotation is none")
-                continue
-            turn = Rotation.from_quat((q.x, q.y, q.z, q.w)).as_matrix()
-            parent = link.header.frame_id.lstrip("/")
-            self._mounts[link.child_frame_id.lstrip("/")] = parent, turn
+        if not self._mounts.add(message):
+            self._note("a transform on /tf_static is left out: its rotation is none")
 
     def _axes_of(self, topic: str, frame: str) -> Array:
         """The axes of ``frame`` in base_link, as the columns of a rotation (3, 3)."""
         if self._axes is not None:
             return self._axes
-        axes, at = np.eye(3), frame
-        for _ in range(_MAX_DEPTH):
-            if at in _BASES:
+        for above, axes in self._mounts.above(frame).items():
+            if above in BASES or not above:
                 return axes
-            if at not in self._mounts:
-                break
-            at, turn = self._mounts[at]
-            axes = turn @ axes
         what = f"no transform from {frame[:40]!r} to base_link on /tf_static"
         self._note(f"{what}: rates on {topic} count as base_link's, or set imu_rpy")
         return np.eye(3)

@@ -119,18 +119,22 @@ def test_poses_give_rotation_and_speed(tmp_path: Path) -> None:
 def test_what_is_assumed_is_said(approach: Path, tmp_path: Path) -> None:
     (view,) = perceive(approach / "image_1.png", approach / "image_2.png")
     assert view["estimated"]["focal_px"] is None, "a few images without turns"
-    usual = {"hfov_deg": 65.0, "distortion": "none", "pitch_deg": 0.0, "fps": 10.0}
-    assert view["assumed"] == usual
+    assert [(each["what"], each["taken"]) for each in view["assumed"]] == [
+        ("horizontal field of view", "65 degrees"),
+        ("lens distortion", "none"),
+        ("pitch", "0 degrees until the floor shows it"),
+        ("frame rate", "10 images a second"),
+    ]
     done = invoke(approach, "--hfov", "60", "--pitch", "0", "--fps", "10")
-    first = done.stdout.splitlines()[0]
-    assert first == "assumed: lens distortion none (--calibration)"
+    said = [line for line in done.stderr.splitlines() if line.startswith("assumed: ")]
+    assert said == ["assumed: lens distortion: none (--calibration)"]
     assert "Front is a wall" in done.stdout
     assert "no --speed given" in done.stderr
     # of upright images the longer side shows 65 degrees
     upright = save(tmp_path, [np.ascontiguousarray(np.rot90(image)) for image in APPROACH])
     views = perceive(upright, "--fps", "10")
     for view, distance in zip(views, DISTANCES[1:], strict=True):
-        assert view["assumed"]["hfov_deg"] == pytest.approx(51.1, abs=0.1)
+        assert view["assumed"][0]["taken"] == "51.1 degrees"
         assert view["ttc_s"] == pytest.approx(2 * distance, rel=0.15)
         assert_ahead(view, HEIGHT, WIDTH)
 

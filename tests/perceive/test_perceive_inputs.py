@@ -7,8 +7,10 @@ from unittest.mock import Mock
 import cv2
 import numpy as np
 import pytest
+from cli_calls import sole_refusal
 from hypothesis import given
 from hypothesis import strategies as st
+from perceive_calls import APPROACH, perceive
 from perceive_images import HEIGHT, WIDTH, save, texture, wall_at
 from PIL import Image as PillowImage
 
@@ -59,7 +61,7 @@ def test_brighter_image_between_the_samples_is_told(tmp_path: Path) -> None:
     source = open_source([tmp_path], 10.0)
     levels = [int(item.image.max()) for item in source]
     assert levels[2] == 255
-    assert levels[3] == round(4000 / 4095 * 255)
+    assert levels[3] == 4000 >> 4
     assert source.notes[-1] == "1 images have pixels beyond 12 bits, cut off"
 
 
@@ -302,7 +304,10 @@ def test_folder_in_natural_order_without_what_is_no_image(tmp_path: Path) -> Non
     items = list(source)
     assert [item.name for item in items] == [f"image_{n}.png" for n in range(1, 12)]
     assert [item.time for item in items] == pytest.approx([0.1 * n for n in range(11)])
-    assert source.notes == ["no --fps given: 10 images a second assumed"]
+    assert [str(each) for each in source.assumed] == [
+        "frame rate: 10 images a second, as no file says when they were taken (--fps, --times)"
+    ]
+    assert source.notes == []
 
 
 def test_files_as_a_shell_expands_them_or_as_somebody_means_them(tmp_path: Path) -> None:
@@ -380,3 +385,65 @@ def test_images_are_paired_until_one_is_bad(
     assert cv2.imwrite(str(folder / "image_7.png"), np.zeros((90, 90, 3), np.uint8))
     fewer, _ = lens_pairs(open_source([folder], 10.0), lambda: None)
     assert 0 < len(fewer) < len(pairs)
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        (["frame_1403636579763555584", "frame_1403636579813555584"], [0.0, 0.05]),
+        (["1403636579763555584_left", "1403636579813555584_left"], [0.0, 0.05]),
+        (["cam0-1700000000.25-rgb", "cam0-1700000000.75-rgb"], [0.0, 0.5]),
+        (["1403636579_763555584", "1403636579_813555584"], [0.0, 0.05]),
+        (["IMG_1700000000123_0", "IMG_1700000000223_0"], [0.0, 0.1]),
+        (["1234567890_1403636579763555584", "1234567890_1403636579813555584"], [0.0, 0.05]),
+        (["up_123456789012345", "up_123456839012345"], [0.0, 0.05]),  # ns since power-on
+        # dates, counters and versions are no times
+        (["20260130142533", "20260130142534"], None),
+        (["PXL_20260130_142533123", "PXL_20260130_142533156"], None),
+        (["0000000000", "0000000001"], None),
+        (["v2.0_0001", "v2.0_0002"], None),
+        (["a_1403636579763555584", "b"], None),
+    ],
+)
+def test_stamps_in_names_may_have_words_around_them(
+    names: list[str], expected: list[float] | None, tmp_path: Path
+) -> None:
+    for name in names:
+        cv2.imwrite(str(tmp_path / f"{name}.png"), PICTURE)
+    source = open_source([tmp_path])
+    assert [item.time for item in source] == pytest.approx(expected or [0.0, 0.1])
+    what = "times" if expected else "frame rate"
+    assert [each.what for each in source.assumed] == [what]
+
+
+def test_images_of_two_cameras_in_one_folder_are_refused(tmp_path: Path) -> None:
+    for name in ("1403636579763555584_left", "1403636579763555584_right", "1403636579813555584_x"):
+        cv2.imwrite(str(tmp_path / f"{name}.png"), PICTURE)
+    with pytest.raises(InputError, match="its time stamp does not come after that of"):
+        open_source([tmp_path])
+
+
+@pytest.mark.parametrize(
+    ("source", "said"),
+    [
+        ("https://example.org/a.mp4", "an address is not read: download the file"),
+        ("rtsp://10.0.0.2/stream", "ffmpeg -t 60 -i 'rtsp://10.0.0.2/stream' drive.mp4"),
+        ("-", "standard input is not read: write it to a file"),
+        ("/dev/video0", "a camera is not read: record a video: ffmpeg -t 60 -i /dev/video0"),
+        ("0", "ffmpeg -t 60 -i /dev/video0 drive.mp4"),
+    ],
+)
+def test_what_is_no_file_is_refused_with_the_way_to_one(source: str, said: str) -> None:
+    assert said in sole_refusal("perceive", source)
+
+
+def test_an_avif_image_is_refused_by_name(tmp_path: Path) -> None:
+    for k in range(2):
+        (tmp_path / f"{k}.avif").write_bytes(bytes(4) + b"ftypavif" + bytes(40))
+    assert "0.avif: is an AVIF image, which is not supported" in sole_refusal("perceive", tmp_path)
+
+
+@pytest.mark.parametrize("rate", [0.05, 120.0, 960.0])
+def test_videos_of_any_frame_rate_are_judged(rate: float, tmp_path: Path) -> None:
+    views = perceive(save(tmp_path, APPROACH), "--fps", rate)
+    assert [view["dt"] for view in views] == pytest.approx([1.0 / rate] * 4, rel=2.0)

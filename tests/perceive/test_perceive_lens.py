@@ -143,7 +143,7 @@ def test_message_of_ros(tmp_path: Path) -> None:
         ("plumb_bob", "plumb", r"unknown distortion model 'plumb': did you mean 'plumb_bob'"),
         ("320", "32000000", r"camera\.yaml:1: image_width: expected pixels, 1 to 20000"),
         ("image_height: 240\n", "", "image_width: has no counterpart 'image_height'"),
-        (ROS, "<?xml version='1.0'?>", r"camera\.yaml: is XML; save the calibration as .yaml"),
+        (ROS, "<?xml version='1.0'?>", r"camera\.yaml:1: expected XML of OpenCV's FileStorage"),
         (ROS, "- 1\n", r"camera\.yaml: expected a calibration"),
         pytest.param("", "#" * 50_000_001, "the file is too large", id="too large"),
         (ROS, "a: !!python/object/apply:os.system ['true']\n", "the tag .* is not supported"),

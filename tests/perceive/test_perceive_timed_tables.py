@@ -26,6 +26,7 @@ from navfw.perceive.motion_record import (
     load_pose_record,
 )
 from navfw.perceive.perceiver_options import PerceiverOptions
+from navfw.recording.static_frames import axes_of
 
 START = 1305031449.0
 LINE = "0 0 0 0 0 0 0 1\n"
@@ -99,24 +100,22 @@ def test_units_and_other_columns_by_the_header(tmp_path: Path) -> None:
     gyro = gyro_of(tmp_path, header + "0,0,9,2,3000,40\n1,100,9,2,3000,40\n")
     expected = 0.1 * np.array([np.radians(2.0), np.radians(3.0), 0.04])
     assert gyro.rotation_between(0.0, 0.1) == pytest.approx(expected)
-    assert gyro.notes == (
-        "gyro columns not used: frame, accel_x",
-        "the gyro's axes x, y, z are taken as ahead, left, up",
-    )
+    assert gyro.notes == ("gyro columns not used: frame, accel_x",)
+    assert [each.taken for each in gyro.assumed] == ["x,y,z are ahead, left, up"]
 
 
 def test_offset_of_pitch_rate_is_told_from_pitching(tmp_path: Path) -> None:
     times = np.arange(0.0, 30.0, 0.05)
     pitching = 0.3 * np.sin(2.0 * times)
     rows = [f"{t:.2f},0.2,{0.07 + p:.6f}" for t, p in zip(times, pitching, strict=True)]
-    gyro = gyro_of(tmp_path, "time,yaw_rate,pitch_rate\n" + "\n".join(rows))
+    gyro = gyro_of(tmp_path, "time,yaw_rate,pitch_rate\n" + "\n".join(rows)).without_offsets()
     assert gyro.notes[0].startswith("the gyro's pitch rate has an offset of 0.07")
     assert gyro.rates[:, 1] == pytest.approx(pitching, abs=0.01)
     # a turn to the left is not taken for an offset, whichever axis is up
     assert gyro.rates[:, 2] == pytest.approx(0.2)
     text = "time,gyro_y [rad/s],gyro_z [rad/s]\n" + "\n".join(rows)
-    lying = load_gyro_record(put_file(tmp_path, "y.csv", text), vertical="y")
-    assert lying.notes[0] == "the gyro's axes z, x, y are taken as ahead, left, up"
+    lying = load_gyro_record(put_file(tmp_path, "y.csv", text), axes_of("z,x,y")).without_offsets()
+    assert lying.measured == {"yaw_rate", "roll_rate"}
     assert lying.rates[:, 2] == pytest.approx(0.2)
 
 
@@ -334,3 +333,57 @@ def test_a_video_has_its_own_times(tmp_path: Path) -> None:
     listed = load_image_times(put_file(tmp_path, "times.csv", "0\n1\n"))
     with pytest.raises(InputError, match="--times: is for image files; a video has its own times"):
         open_source([put_file(tmp_path, "film.mp4", "x")], listed=listed)
+
+
+def test_tables_of_euroc_have_their_header_in_a_comment(tmp_path: Path) -> None:
+    stamps = [1403636579763555584 + 50_000_000 * k for k in range(3)]
+    header = "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],"
+    rows = [f"{stamp},0.1,0.2,0.3,9.8,0,0" for stamp in stamps]
+    text = header + "a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]\r\n" + "\r\n".join(rows)
+    gyro = gyro_of(tmp_path, text)
+    assert gyro.rates.tolist() == [[0.1, 0.2, 0.3]] * 3
+    assert np.diff(gyro.times) == pytest.approx([0.05, 0.05])
+    assert [each.what for each in gyro.assumed] == ["axes of the gyro"]
+    given = load_gyro_record(put_file(tmp_path, "imu.csv", text), axes_of("z,-y,x"))
+    assert given.rates[0].tolist() == [0.3, -0.2, 0.1]
+    assert given.assumed == ()
+    header = "#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], "
+    header += "q_RS_y [], q_RS_z [], v_RS_R_x [m s^-1], b_w_RS_S_x [rad s^-1]\n"
+    rows = [f"{stamp},1,2,{k},0.8,0.6,0,0,5,5" for k, stamp in enumerate(stamps)]
+    poses = load_pose_record(put_file(tmp_path, "truth.csv", header + "\n".join(rows)))
+    assert poses.quaternions.tolist() == [[0.6, 0.0, 0.0, 0.8]] * 3
+    assert poses.places.tolist() == [[1.0, 2.0, 0.0], [1.0, 2.0, 1.0], [1.0, 2.0, 2.0]]
+    said = [str(each) for each in poses.assumed]
+    assert "unit of times: ns, as " in said[0]
+    assert said[1].startswith("axes of the poses: z,-x,-y are ahead, left, up, as its columns are")
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds", "unit"),
+    [
+        (
+            "#timestamp [ns],filename\n1403636579763555584,1.png\n1403636579813555584,2.png\n",
+            0.05,
+            "",
+        ),
+        ("timestamp,filename\n1403636579763555584,1.png\n1403636579813555584,2.png\n", 0.05, "ns"),
+        ("1403636579763,1.png\n1403636579863,2.png\n", 0.1, "ms"),
+        (
+            "# color\n# timestamp filename\n1305031452.7 rgb/1.png\n1305031452.9 rgb/2.png",
+            0.2,
+            "",
+        ),
+        ("time_s,file\n0,1.png\n5,2.png\n", 5.0, ""),
+        ("time [ms],file\n0,1.png\n33,2.png\n", 0.033, ""),
+    ],
+)
+def test_units_of_image_times(text: str, seconds: float, unit: str, tmp_path: Path) -> None:
+    listed = load_image_times(put_file(tmp_path, "data.csv", text))
+    assert listed.times[1] - listed.times[0] == pytest.approx(seconds, abs=1e-6)
+    assert list(listed.by_name) == ["1.png", "2.png"]
+    assert [each.taken for each in listed.assumed] == ([unit] if unit else [])
+
+
+def test_image_times_that_cannot_be_seconds_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"images are 33 s apart; .* name it in the header"):
+        load_image_times(put_file(tmp_path, "data.csv", "0,1.png\n33,2.png\n66,3.png\n"))

@@ -103,7 +103,7 @@ def test_a_grey_image_is_the_same_when_it_is_grey_again(grey: Image, pad: int) -
 @pytest.mark.parametrize(
     ("fields", "said"),
     [
-        ({"encoding": "rgb16"}, "unknown encoding 'rgb16': did you mean 'rgb8'"),
+        ({"encoding": "rgb7"}, "unknown encoding 'rgb7': did you mean 'rgb8'"),
         ({"step": 3}, "in rows of 3 for 8 x 6 pixels of bgr8"),
         ({"height": 7}, "has 144 bytes in rows of 24 for 8 x 7"),
         ({"height": 2**32 - 1, "width": 2**32 - 1, "step": 2**32 - 1}, "pixels of bgr8"),
@@ -129,11 +129,15 @@ def test_what_is_left_out_or_chosen_is_told(tmp_path: Path) -> None:
         assert bag.gyro[:, 0].tolist() == pytest.approx([0.1 * k for k in range(8)])
         assert bag.info is None
         assert bag.notes == [
-            "/odom is read, not /fused_odom",
             "the clock of /imu is 500 s behind: its messages count from their reception",
             "2 of 10 messages of /odom left out: not finite, or going back",
             "/camera_info is empty: it says nothing of the camera",
             "there are no images",
+        ]
+        assert [str(each) for each in bag.assumed] == [
+            "topic of odometry: /odom, as /fused_odom has such messages too",
+            "axes of the gyro: x,y,z are ahead, left, up, as no transform leads from its frame ''"
+            " to base_link (--imu-axes)",
         ]
 
 

@@ -168,7 +168,8 @@ def recorded_gyro(
             f"expected a row for each of {len(names)} images, found {len(listed.times)}", file=file
         )
     by_name = dict(zip(names, listed.times, strict=True))
-    return replace(listed, by_name=by_name), load_gyro_record(file, vertical)
+    axes = np.roll(np.eye(3), 2 - "xyz".index(vertical), axis=0)
+    return replace(listed, by_name=by_name), load_gyro_record(file, axes).without_offsets()
 
 
 def yaw_rates(results: Iterable[PairResult], start: float, record: GyroRecord) -> Array:

@@ -1,0 +1,94 @@
+"""Whether a record turns as the camera does, and in which axes it would."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from navfw.egomotion.flow_egomotion import MotionKind, estimate_egomotion
+from navfw.errors import InputError
+from navfw.numerics import Array
+from navfw.perceive.image_sources import ImageSource
+from navfw.perceive.lens_estimate import MAX_PIXELS, MIN_POINTS
+from navfw.perceive.motion_record import MotionRecord
+from navfw.perceive.pair_motion import TrackImage, rotation_vector, track_points
+from navfw.perceive.perceiver_options import PerceiverOptions, WorkingSize
+from navfw.recording.static_frames import agreeing_axes, assumed_axes, axes_text
+
+_TURNS = (0.02, 0.2)
+"""Turn [rad] between the images of a pair from which on they are compared, and largest one."""
+_COMPARED = (8, 40)
+"""Least and largest number of pairs for a verdict."""
+_DISAGREES = 0.3
+"""Agreement below which a record that no axes put right is doubted."""
+_APART = 1.0
+"""Time [s] after which images are compared that turned less."""
+
+
+def turns_seen(
+    record: MotionRecord, images: ImageSource, options: PerceiverOptions, tick: Callable[[], None]
+) -> tuple[Array, Array]:
+    """Turns (n, 3) [rad] about ahead, left and up of pairs of images: seen, and by the record."""
+    seen, measured = list[Array](), list[Array]()
+    past: tuple[float, TrackImage] | None = None
+    pixels = 0
+    with contextlib.suppress(InputError):  # a bad image is reported when it is its turn
+        for item in images:
+            height, width = item.image.shape[:2]
+            pixels += width * height
+            if pixels > MAX_PIXELS or len(seen) == _COMPARED[1]:
+                break
+            tick()
+            turn = None
+            if past is not None and not item.after_gap:
+                turn = record.rotation_between(past[0], item.time)
+                small = turn is not None and np.linalg.norm(turn) < _TURNS[0]
+                if small and item.time - past[0] < _APART:
+                    continue
+            now = TrackImage.of(item.image)
+            if past is not None and turn is not None and np.linalg.norm(turn) < _TURNS[1]:
+                size = WorkingSize.of(width, height, *options.grid_for(width, height))
+                hfov = options.angle_of_view(width, height, images.hfov)
+                camera = size.camera(hfov, 1.0, math.radians(options.pitch or 0.0), 1.0)
+                tracks = track_points(past[1], now, size)
+                found = estimate_egomotion(tracks, camera.focal)
+                if len(tracks.points) >= MIN_POINTS and found.kind is not MotionKind.UNKNOWN:
+                    seen.append(rotation_vector(found.rotation, camera))
+                    measured.append(turn)
+            past = item.time, now
+    return np.array(seen).reshape(-1, 3), np.array(measured).reshape(-1, 3)
+
+
+def compared(
+    record: MotionRecord,
+    images: ImageSource,
+    options: PerceiverOptions,
+    axes: Array | None = None,
+    *,
+    given: bool,
+    tick: Callable[[], None] = lambda: None,
+) -> MotionRecord:
+    """The ``record`` in the axes in which it turns as the camera of ``images`` does.
+
+    These are assumed, and replace what it assumed of axes; if its axes are ``given``, or none
+    agree, there is a note. ``axes`` (3, 3) are those in which a gyro's rates were turned before.
+    """
+    seen, measured = turns_seen(record, images, options, tick)
+    if len(seen) < _COMPARED[0] or np.linalg.norm(seen, axis=1).sum() < _COMPARED[0] * _TURNS[0]:
+        return record
+    better, agreement = agreeing_axes(seen, measured)
+    before = record.axes if axes is None else axes
+    text = "" if better is None else axes_text(better @ before)
+    if better is None or given:
+        note = f"the {record.source} and the images do not turn alike (agreement {agreement:.2f})"
+        hint = f"; they would with --imu-axes {text}" if text else ""
+        doubted = better is not None or agreement < _DISAGREES
+        return replace(record, notes=(*record.notes, note + hint)) if doubted else record
+    reason = f"it then turns as the images do (agreement {agreement:.2f} in {len(seen)} pairs)"
+    kept = [each for each in record.assumed if not each.what.startswith("axes of")]
+    kept.append(assumed_axes(better @ before, reason, record.source))
+    return replace(record.turned(better), assumed=tuple(kept))

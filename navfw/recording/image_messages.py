@@ -1,0 +1,106 @@
+"""Images of ROS in messages: their encodings, and what shows no picture."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import cv2
+import numpy as np
+
+from navfw.config.image_file import MAX_PIXELS, decode_image
+from navfw.errors import ConfigError, did_you_mean
+from navfw.numerics import Image
+
+BITS = (8, 10, 12, 14, 16)
+"""Numbers of bits of cameras' converters; files keep all beyond 8 in 16 bits."""
+_ENCODINGS: dict[str, tuple[int, int | None]] = {
+    **dict.fromkeys(("mono8", "8UC1"), (1, cv2.COLOR_GRAY2BGR)),
+    **dict.fromkeys(("bgr8", "8UC3"), (3, None)),
+    "rgb8": (3, cv2.COLOR_RGB2BGR),
+    **dict.fromkeys(("bgra8", "8UC4"), (4, cv2.COLOR_BGRA2BGR)),
+    "rgba8": (4, cv2.COLOR_RGBA2BGR),
+    "bayer_rggb8": (1, cv2.COLOR_BayerRGGB2BGR),
+    "bayer_bggr8": (1, cv2.COLOR_BayerBGGR2BGR),
+    "bayer_gbrg8": (1, cv2.COLOR_BayerGBRG2BGR),
+    "bayer_grbg8": (1, cv2.COLOR_BayerGRBG2BGR),
+}
+"""Channels of each encoding of 8 bits, and OpenCV's conversion to BGR."""
+_DEEP = {
+    "16UC3" if name == "8UC3" else "16UC4" if name == "8UC4" else f"{name[:-1]}16": coded
+    for name, coded in _ENCODINGS.items()
+    if name != "8UC1"
+}
+"""The same with 16 bits; 16UC1 is depth."""
+_LUMINANCE = {
+    **dict.fromkeys(("yuyv", "yuv422_yuy2"), (2, 0)),
+    **dict.fromkeys(("uyvy", "yuv422"), (2, 1)),
+    **dict.fromkeys(("nv12", "nv21", "nv24", "i420"), (1, 0)),
+}
+"""Bytes of a pixel, and which of them is its luminance; what follows its rows is colour."""
+_DISTANCES = re.compile(r"compressedDepth|(16U|16S|32S|32F|64F)C[12]?(?!\w)")
+_COLOURED = re.compile(r"rgb|bgr|bayer|yuv|yuyv|uyvy|nv\d|8UC[34]|16UC[34]")
+_SIDE_CAMERA = re.compile(r"depth|disparity|infra|(?:^|[/_])ir\d*(?:$|[/_])", re.IGNORECASE)
+_FILM = re.compile(r"theora|h\.?26[45]|hevc|\bav1|\bvp[89]|CompressedVideo|FFMPEGPacket", re.I)
+
+
+def is_film(kind: str) -> str:
+    """The words by which a type or format of message is that of a video; "" if it is none."""
+    found = _FILM.search(kind)
+    return found[0] if found else ""
+
+
+def no_picture(message: Any, topic: str) -> str:
+    """What an image message on ``topic`` shows, if not what people see: depth, infrared, video."""
+    kind = message.format if hasattr(message, "format") else message.encoding
+    if _DISTANCES.search(kind):
+        return f"depth ({kind:.40})"
+    if is_film(kind):
+        return f"video ({kind:.40})"
+    if _SIDE_CAMERA.search(topic) and not _COLOURED.match(kind):
+        return "depth or infrared, by its name"
+    return ""
+
+
+def ros_image(message: Any, name: str) -> Image:
+    """The image (height, width, 3) BGR in an ``Image`` or ``CompressedImage`` called ``name``.
+
+    One of 16 bits is scaled by the least number of bits that holds its pixels.
+
+    Raises:
+        ConfigError: its encoding is unknown, its size impossible, or its content damaged.
+
+    """
+    image = deep_image(message, name)
+    bits = 8
+    if image.dtype != np.uint8:
+        bits = next(bits for bits in BITS if int(image.max()) < 1 << bits)
+    return np.asarray(image >> (bits - 8), dtype=np.uint8)
+
+
+def deep_image(message: Any, name: str) -> Any:
+    """The image as ``ros_image``, with its 8 or 16 bits; of YUV the luminance."""
+    if hasattr(message, "format"):
+        return np.asarray(decode_image(bytes(message.data), name), dtype=np.uint8)
+    coding = message.encoding
+    known = _ENCODINGS | _DEEP
+    if coding not in known | _LUMINANCE:
+        hint = did_you_mean(coding, known | _LUMINANCE)
+        raise ConfigError(f"unknown encoding {coding!r:.40}: {hint}", file=name)
+    channels = known[coding][0] if coding in known else _LUMINANCE[coding][0]
+    height, width, step = message.height, message.width, message.step
+    row = channels * width * (2 if coding in _DEEP else 1)
+    data = np.asarray(message.data, dtype=np.uint8)
+    fits = 0 < width * height <= MAX_PIXELS
+    if not (fits and row <= step and step * height <= data.size):
+        what = f"has {data.size} bytes in rows of {step} for {width} x {height} pixels"
+        raise ConfigError(f"the image {what} of {coding}", file=name)
+    rows = np.ascontiguousarray(data[: step * height].reshape(height, step)[:, :row])
+    if coding in _DEEP:
+        rows = rows.view(">u2" if message.is_bigendian else "<u2").astype(np.uint16)
+    image = rows.reshape((height, width, channels)[: 2 + (channels > 1)])
+    if coding in _LUMINANCE:
+        image = image[..., _LUMINANCE[coding][1]] if channels > 1 else image
+        return cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_GRAY2BGR)
+    conversion = known[coding][1]
+    return image if conversion is None else cv2.cvtColor(image, conversion)
