@@ -183,7 +183,7 @@ def _target(request: RunOptions) -> str | Destination | None:
         raise InputError("give a mission or a goal, not both", key="--goal")
     if request.goal is not None:
         point = None
-        if not request.goal[:1].isalpha():
+        if "," in request.goal and not request.goal[:1].isalpha():
             point = options.numbers_of("--goal", request.goal, ("X", "Y"))
         goal = request.goal if point is None else (point[0], point[1])
         own = options.own_map(request.map_ or "")
@@ -213,7 +213,7 @@ def _drive(
     """Run the mission and write its folder, after all input has been checked.
 
     Returns the result, the folder with it, None if it could not be written, what is missing, and
-    what is assumed of the robot.
+    what is assumed of robot and map.
     """
     from navfw.missions.pilot import watcher_of
     from navfw.missions.run_report import RecordedFolder, default_folder, write_run
@@ -231,7 +231,7 @@ def _drive(
         check_video(request.video, VIDEO)
     with interruptible():  # up to here there is nothing to save
         session = _prepared(request, mission)
-        assumed = _robot_assumed(session, quiet=request.quiet)
+        assumed = _assumed(session, quiet=request.quiet)
         compile_with_progress(loaded=True, quiet=request.quiet)
         server = _live(session, request) if request.live else None
     target = RunFolder(request.out or default_folder(session), numbered=request.out is None)
@@ -267,12 +267,12 @@ def _drive(
     return result, folder, (*missing, *_write_video(request, target.final)), assumed
 
 
-def _robot_assumed(session: Session, *, quiet: bool) -> tuple[Assumption, ...]:
-    """What is assumed of the robot, printed with notes on it unless ``quiet``."""
+def _assumed(session: Session, *, quiet: bool) -> tuple[Assumption, ...]:
+    """What is assumed of robot and map, printed with notes on the robot unless ``quiet``."""
     from navfw.robot.urdf_measures import robot_assumed, robot_notes
 
     robot = session.mission.spec.robot
-    assumed = robot_assumed(robot)
+    assumed = robot_assumed(robot) + session.mission.topo_map.all_assumed
     if not quiet:
         print_assumed(assumed)
         for note in robot_notes(robot):

@@ -30,7 +30,8 @@ from navfw.missions.missionspec import (
 from navfw.robot.robotfile import with_section
 from navfw.signals import Pose, Waypoint
 from navfw.sim.scene_geometry import SceneGeometry
-from navfw.topomap import Passage, Place, TopoMap, load_map
+from navfw.topomap import Passage, Place, TopoMap
+from navfw.topomap.map_formats import load_any_map
 
 _Point = tuple[float, float]
 
@@ -147,7 +148,7 @@ def mission_in(document: YamlDocument, path: Path, topo_map: TopoMap | None = No
     elif topo_map is None:
         with document.locating(("map",), only=UnknownNameError):
             file = find("map", spec.map, base=path.parent)
-        topo_map = load_map(file, check_landmark_kind)
+        topo_map = load_any_map(file, check_kind=check_landmark_kind)
     starts = _starts(document, spec, topo_map)
     if isinstance(spec.start, PlaceStart):
         place = _place(document, ("start", "place"), topo_map, spec.start.place)

@@ -199,10 +199,9 @@ def read_geojson(text: str, file: str, both_ways: bool) -> TopoMap:
 
 def _frame_of(nodes: list[_Feature], crs: str, file: str, line: int) -> LocalFrame:
     """The frame of the nodes; those that name a frame, as Nav2's and navfw's, are in metres."""
-    if any("frame" in (node.data.get("properties") or {}) for node in nodes):
-        return LocalFrame()
+    framed = any("frame" in (node.data.get("properties") or {}) for node in nodes)
     try:
-        return local_frame([node.point for node in nodes], crs)
+        return local_frame([node.point for node in nodes], crs, metric=framed)
     except ValueError as error:
         raise MapError(str(error), file=file, line=line, key="crs") from None
 

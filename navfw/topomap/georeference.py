@@ -35,10 +35,13 @@ class LocalFrame:
         return (x - self.x0) * self.kx, (y - self.y0) * self.ky
 
 
-def local_frame(points: Sequence[tuple[float, float]], crs: str = "") -> LocalFrame:
+def local_frame(
+    points: Sequence[tuple[float, float]], crs: str = "", *, metric: bool = False
+) -> LocalFrame:
     """The frame of the ``points`` of a file whose ``crs`` is said in any form, or ""; in metres.
 
-    Degrees of longitude and latitude are recognised by ``crs``, and by their size.
+    Degrees of longitude and latitude are recognised by ``crs``, and by their size unless they are
+    known to be ``metric``.
 
     Raises:
         ValueError: ``crs`` says degrees, and they cannot be degrees of a map.
@@ -50,6 +53,8 @@ def local_frame(points: Sequence[tuple[float, float]], crs: str = "") -> LocalFr
     span, middle = max(x1 - x0, y1 - y0), 0.5 * (y0 + y1)
     possible = max(-x0, x1) <= 180.0 and max(-y0, y1) <= 90.0 and span < _SPAN
     geographic = bool(_GEOGRAPHIC.search(crs)) and not re.search("PROJ(?:CS|CRS)", crs)
+    if metric and not geographic:
+        return LocalFrame()
     if geographic and not possible:
         raise ValueError(
             "the crs says degrees of longitude and latitude, in which the places would span "
@@ -61,9 +66,8 @@ def local_frame(points: Sequence[tuple[float, float]], crs: str = "") -> LocalFr
         normal = _RADIUS / math.sqrt(1.0 - _ECCENTRICITY * sine**2)
         meridian = normal * (1.0 - _ECCENTRICITY) / (1.0 - _ECCENTRICITY * sine**2)
         kx, ky = math.radians(normal * math.cos(math.radians(middle))), math.radians(meridian)
-        why = "its crs is" if geographic else "by their size the numbers are"
         taken = f"metres east and north of longitude {x0:.7g}, latitude {y0:.7g}"
-        reason = f"{why} degrees"
+        reason = "its crs says degrees" if geographic else "the numbers are degrees by their size"
     elif max(-x0, x1, -y0, y1) > _FAR:
         x0, y0 = math.floor(x0), math.floor(y0)
         kx = ky = 1.0 / math.cosh(middle / _RADIUS) if _MERCATOR.search(crs) else 1.0

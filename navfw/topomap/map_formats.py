@@ -117,11 +117,10 @@ class _GraphmlReader:
 
     def _frame_of(self, graph: Element, nodes: list[dict[str, Any]]) -> LocalFrame:
         """The frame of the nodes; those of navfw's own files are in metres."""
-        if "node-x" in self._keys:
-            return LocalFrame()
         points = [(node["x"], node["y"]) for node in nodes if "x" in node and "y" in node]
         try:
-            return local_frame(points, str(self._values(graph).get("crs", "")))
+            crs = str(self._values(graph).get("crs", ""))
+            return local_frame(points, crs, metric="node-x" in self._keys)
         except ValueError as error:
             raise self._error(graph, "crs", str(error)) from None
 
@@ -199,6 +198,9 @@ def load_any_map(
         document = parse_yaml(read_input_text(path), shown_path(path))
         if (nodes := nodes_path(document)) is not None:
             return read_tmap(document, nodes, both_ways)
+        if document.at(("image",)) and document.at(("resolution",)):
+            what = "is a floor plan of map_server: navfw world import makes a world and map of it"
+            raise MapError(what, file=shown_path(path))
         if path.suffix.lower() not in _WRITERS:
             raise MapError("expected nodes, as of topological_navigation", file=shown_path(path))
         return mapfile.load_map(path) if check_kind is None else mapfile.load_map(path, check_kind)

@@ -358,5 +358,8 @@ def test_a_destination_is_a_place_or_a_point_of_any_map(tmp_path: Path) -> None:
     assert (to_point.goals[0].x, to_point.goals[0].place) == (2.0, "")
     with pytest.raises(UnknownNameError, match=r"--goal c.*unknown place 'c'"):
         mission_to("office", Destination("c", str(own)))
+    save_map(there.topo_map, own.with_suffix(".geojson"))
+    other = mission_to("office", Destination("b", str(own.with_suffix(".geojson"))))
+    assert other.topo_map.passages == there.topo_map.passages
     with pytest.raises(UnknownNameError, match=r"--map.*unknown map 'own'"):
         mission_to("office", Destination("b", "own"))

@@ -237,8 +237,13 @@ MERCATOR = [[1_528_416.611, 6_630_318.985], [1_528_427.743, 6_630_318.985]]
 @pytest.mark.parametrize(
     ("ends", "crs", "length", "said"),
     [
-        ([[13.73, 51.05], [13.7301, 51.05]], "urn:ogc:def:crs:OGC:1.3:CRS84", 7.0123, "its crs is"),
-        ([[13.73, 51.05], [13.7301, 51.05]], None, 7.0123, "by their size the numbers are"),
+        (
+            [[13.73, 51.05], [13.7301, 51.05]],
+            "urn:ogc:def:crs:OGC:1.3:CRS84",
+            7.0123,
+            "its crs says degrees",
+        ),
+        ([[13.73, 51.05], [13.7301, 51.05]], None, 7.0123, "degrees by their size"),
         ([[13.73, 51.05], [13.73, 51.0501]], "urn:ogc:def:crs:EPSG::4326", 11.1249, "latitude 51"),
         (MERCATOR, "urn:ogc:def:crs:EPSG::3857", 7.0, "stretches lengths there by 1.591"),
         ([[411_000.0, 5_656_000.0], [411_003.0, 5_656_004.0]], "EPSG:32633", 5.0, "x 411000"),
@@ -255,6 +260,21 @@ def test_coordinates_of_the_earth_become_metres(
     assert topo_map.passages[0].length == pytest.approx(length, abs=tolerance)
     assert max(abs(place.x) for place in topo_map.places.values()) < 30.0
     assert [str(said) in str(one) for one in topo_map.assumed] == [True] * (said is not None)
+
+
+def test_a_frame_that_is_named_is_metric_unless_the_crs_is_of_degrees(tmp_path: Path) -> None:
+    for crs, length in ((None, 1e-4), ("urn:ogc:def:crs:OGC:1.3:CRS84", 7.0123)):
+        data = located_graph([[13.73, 51.05], [13.7301, 51.05]], crs)
+        for place in data["features"][:2]:
+            place["properties"]["frame"] = "map"
+        topo_map = load_any_map(write(tmp_path / "g.geojson", data))
+        assert topo_map.passages[0].length == pytest.approx(length, abs=1e-3 * length)
+
+
+def test_a_floor_plan_is_no_map(tmp_path: Path) -> None:
+    plan = "image: plan.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n"
+    words = ["plan.yaml: is a floor plan of map_server: navfw world import"]
+    assert_refused(write(tmp_path / "plan.yaml", plan), MapError, words)
 
 
 @pytest.mark.parametrize("ends", [[[2.0, 3.0], [5.0, 7.0]], [[200.0, 3.0], [200.1, 3.0]]])
