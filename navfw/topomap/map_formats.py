@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from navfw.config.document import parse_yaml
+from navfw.config.document import parse_mapping, parse_yaml
 from navfw.config.foreign_files import line_of, read_xml
 from navfw.config.input_file import parse_json, read_input_text, shown_path
 from navfw.errors import ConfigError, MapError
@@ -195,15 +195,18 @@ def load_any_map(
     """
     path = Path(path)
     if path.suffix.lower() in _YAML:
-        document = parse_yaml(read_input_text(path), shown_path(path))
+        text, name = read_input_text(path), shown_path(path)
+        document = parse_yaml(text, name)
         if (nodes := nodes_path(document)) is not None:
             return read_tmap(document, nodes, both_ways)
         if document.at(("image",)) and document.at(("resolution",)):
             what = "is a floor plan of map_server: navfw world import makes a world and map of it"
-            raise MapError(what, file=shown_path(path))
+            raise MapError(what, file=name)
         if path.suffix.lower() not in _WRITERS:
-            raise MapError("expected nodes, as of topological_navigation", file=shown_path(path))
-        return mapfile.load_map(path) if check_kind is None else mapfile.load_map(path, check_kind)
+            raise MapError("expected nodes, as of topological_navigation", file=name)
+        if not isinstance(document.data, dict):
+            document = parse_mapping(text, name)  # raises
+        return mapfile.read_map(document, *([] if check_kind is None else [check_kind]))
     if _WRITERS[_suffix(path)] is graphml_text:
         return _GraphmlReader(path, both_ways).read()
     text = read_input_text(path)

@@ -111,7 +111,8 @@ def test_a_point_is_a_goal_from_the_start_of_the_first_mission() -> None:
     [
         (("--goal", "99,1"), "--goal 99,1: the goal (99, 1) must lie on the floor"),
         (("--goal", "3.95,1"), "--goal 3.95,1: the goal (3.95, 1) is 0.12 m from 'lobby-sofa'"),
-        (("--goal", "1"), "--goal: expected X,Y"),
+        (("--goal", "1,x"), "--goal: expected X,Y"),
+        (("--goal", "1"), "--goal 1: unknown place '1'"),
         (("--goal", "labb"), "--goal labb: unknown place 'labb': did you mean 'lab'?"),
         (("--map", "hospital"), "--map: needs --goal"),
         (("lab-to-lobby", "--goal", "1,1"), "give a mission or a goal, not both"),
