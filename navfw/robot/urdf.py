@@ -25,24 +25,18 @@ from navfw.robot.urdf_meshes import check_meshes
 from navfw.robot.urdf_model import (
     KINDS,
     MOMENTS,
+    SHAPES,
     UrdfCollision,
     UrdfJoint,
     UrdfModel,
     attribute_numbers,
+    is_shaped,
     origin_frame,
     urdf_error,
 )
 
 _BULLET_DATA = "pybullet_data:"
 """Prefix of files that are installed with PyBullet."""
-_SHAPES = {
-    "box": ("size",),
-    "cylinder": ("radius", "length"),
-    "sphere": ("radius",),
-    "capsule": ("radius", "length"),
-    "mesh": ("filename",),
-}
-"""Shapes that may collide, and the attributes that they need."""
 _MAX_NAME = 200  # chosen
 """Longest name of a link or joint: PyBullet has room for 1024 bytes."""
 _TURN = 2.0 * math.pi  # defined
@@ -216,8 +210,8 @@ def _let_visuals_collide(links: dict[str, Element], joints: dict[str, UrdfJoint]
 
 def _collision(path: Path, link: str, element: Element) -> UrdfCollision:
     shapes = element.findall("geometry/*")
-    if len(shapes) != 1 or not set(_SHAPES.get(shapes[0].tag, ("",))) <= set(shapes[0].keys()):
-        known = ", ".join(f"<{tag} {'= '.join(keys)}=>" for tag, keys in _SHAPES.items())
+    if not is_shaped(element):
+        known = ", ".join(f"<{tag} {'= '.join(keys)}=>" for tag, keys in SHAPES.items())
         got = "".join(f"<{shape.tag}>" for shape in shapes) or "nothing"
         what = f"link {link!r}: its <{element.tag}> needs one shape in <geometry>, got {got}"
         raise urdf_error(path, element, f"{what}; known: {known}")

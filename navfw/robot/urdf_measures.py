@@ -162,7 +162,8 @@ def _sides(model: UrdfModel, said: dict[str, Any]) -> tuple[list[str], list[str]
         joints = [f"{name!r} {why[name] or 'is a wheel'}" for name in why if why[name] != _FIXED]
         raise ConfigError(
             f"has no wheels in pairs left and right: {'; '.join(joints) or 'all joints are fixed'};"
-            " make theirs continuous, or name them in a robot file with urdf: {file, left, right}",
+            " wheels have continuous joints across a body of which x is ahead: change the file, or"
+            " name them in a robot file with urdf: {file, left, right}",
             file=shown_path(model.file),
         )
     return left, right
@@ -173,7 +174,7 @@ def _no_wheel(model: UrdfModel, joint: UrdfJoint) -> str:
     if joint.kind != "continuous":
         return _FIXED if joint.kind == "fixed" else f"is {joint.kind} with limits"
     if abs(axis_across(model, joint.name)) < ACROSS:
-        return "has an axis that is not across the body, of which x is ahead"
+        return "has an axis that is not across the body"
     carrier = next((a for a in model.above(joint.parent) if a.kind in _TURNING), None)
     return f"hangs on {carrier.name!r}, which turns" if carrier else ""
 

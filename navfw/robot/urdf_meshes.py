@@ -13,7 +13,13 @@ from navfw.config.lookup import package_folders, package_roots
 from navfw.errors import ConfigError
 from navfw.meshes import read_triangles
 from navfw.numerics import Array
-from navfw.robot.urdf_model import UrdfCollision, UrdfModel, attribute_numbers, urdf_error
+from navfw.robot.urdf_model import (
+    UrdfCollision,
+    UrdfModel,
+    attribute_numbers,
+    is_shaped,
+    urdf_error,
+)
 
 _PACKAGE, _FILE = "package://", "file://"
 """Prefixes of the names of meshes: in a package of ROS, and at an absolute path."""
@@ -97,7 +103,8 @@ def loadable_urdf(model: UrdfModel, folder: Path) -> Path:
     """Write a file to ``folder`` that PyBullet can load, with its meshes; return its path.
 
     It names meshes by absolute paths; those that collide become binary STL files, as PyBullet drops
-    those of text, unless they are OBJ files. It has no visuals if any mesh is missing.
+    those of text, unless they are OBJ files. It has no visuals if any mesh is missing, and nothing
+    else that PyBullet would refuse.
     """
     root = copy.deepcopy(model.root)
     root.set("name", root.get("name") or "robot")
@@ -114,9 +121,14 @@ def loadable_urdf(model: UrdfModel, folder: Path) -> Path:
     complete = all(file is not None and is_file(file) for file in seen.values())
     for mesh, file in seen.items():
         mesh.set("filename", str(file))
-    for link in () if complete else root.findall("link"):
+    for link in root.findall("link"):
         for visual in link.findall("visual"):
-            link.remove(visual)
+            if not (complete and is_shaped(visual)):
+                link.remove(visual)
+    for joint in root.findall("joint"):
+        for dynamics in joint.findall("dynamics"):
+            if not {"damping", "friction"} & set(dynamics.keys()):
+                joint.remove(dynamics)
     written = folder / "robot.urdf"
     written.write_bytes(tostring(root))
     return written

@@ -22,6 +22,15 @@ KINDS = (*_MOVABLE, "fixed")
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 """Attributes of an <inertia>."""
 
+SHAPES = {
+    "box": ("size",),
+    "cylinder": ("radius", "length"),
+    "sphere": ("radius",),
+    "capsule": ("radius", "length"),
+    "mesh": ("filename",),
+}
+"""Shapes of links, and the attributes that they need."""
+
 
 @dataclass(frozen=True)
 class UrdfJoint:
@@ -97,6 +106,12 @@ class UrdfModel:
         for joint in self.above(link):
             frame = product(joint.frame, frame)
         return frame
+
+
+def is_shaped(element: Element) -> bool:
+    """Whether a <collision> or <visual> has one shape of SHAPES."""
+    shapes = element.findall("geometry/*")
+    return len(shapes) == 1 and set(SHAPES.get(shapes[0].tag, ("",))) <= set(shapes[0].keys())
 
 
 def origin_frame(path: Path, origin: Element | None) -> Array:

@@ -183,17 +183,18 @@ def _unsupported(path: Path, content: SdfWorld) -> InputError:
 
 def _stand_on_floor(content: SdfWorld, ends: Sequence[Goal]) -> None:
     """Lower the world by the height of the slab on which both ``ends`` are, if there is one."""
-    points = np.array(ends)
     slabs = [s for s in content.shapes if s.bottom < _MAX_STEP and 0.0 < s.top <= _MAX_STEP]
-    below = [s for s in slabs if s.shape.distance(points).max() < 0.0]
-    if not below:
+    inside = [[s for s in slabs if s.shape.distance(np.array([end]))[0] < 0.0] for end in ends]
+    if not all(inside):
         return
-    floor = max(below, key=lambda solid: solid.top)
+    first, last = (max(below, key=lambda solid: solid.top) for below in inside)
+    if abs(first.top - last.top) > _MIN_HEIGHT:
+        return
     content.shapes = [
-        replace(s, bottom=s.bottom - floor.top, top=s.top - floor.top) for s in content.shapes
+        replace(s, bottom=s.bottom - first.top, top=s.top - first.top) for s in content.shapes
     ]
-    reason = f"start and goal are on {floor.name!r}"
-    content.assumed.append(Assumption("floor", f"at z = {floor.top:.3g} m", reason))
+    reason = f"start and goal are on {first.name!r}"
+    content.assumed.append(Assumption("floor", f"at z = {first.top:.3g} m", reason))
 
 
 def _world(path: Path, content: SdfWorld, barn: bool, ends: Sequence[Goal]) -> WorldSpec:

@@ -56,6 +56,8 @@ _GROUND = re.compile(r"(?:.*/)?(ground[_ ]?plane|sun)(?:/\d+|/tip)?", re.IGNOREC
 """Included models of which a world has its own."""
 _DRIVEN = re.compile("drive|planar_?move|velocity_?control", re.IGNORECASE)
 """What plugins are called that drive a robot."""
+_LEVEL = 0.9
+"""Least upward component of the normal of a plane that is no wall."""
 _MIN_HALF = 0.01
 """Half of the least width of a solid [m]: thinner ones get it."""
 _MAX_DEPTH = 12
@@ -208,6 +210,12 @@ class _SdfReader:
                     self._parts(self._solid(shape), shape, pose, model)
             elif shape.tag not in _FLAT:
                 self._unsupported(shape, f"a <{shape.tag}> of the model {model!r}")
+            elif shape.tag == "plane":
+                up = product(
+                    pose[2, :3], np.array(self._numbers(shape, "normal", 3, [0.0, 0.0, 1.0]))
+                )
+                if abs(up) < _LEVEL:
+                    self._unsupported(shape, f"an upright <plane> of the model {model!r}")
 
     def _cylinder(self, shape: Element, pose: Array, model: str) -> None:
         radius, length = (self._size(shape, key, 1)[0] for key in ("radius", "length"))

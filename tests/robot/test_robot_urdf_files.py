@@ -119,6 +119,15 @@ def test_broken_urdfs_are_refused_before_the_simulator_loads_them(folder: Path, 
     assert "bot.urdf" in refusal("run", "empty", "straight", "--robot", "bot.urdf")
 
 
+def test_what_is_only_seen_or_meant_for_others_does_no_harm(folder: Path) -> None:
+    """Shapes and dynamics that PyBullet does not know would make it refuse the file."""
+    seen = link("x", "<cone radius='1' length='1'/>", tag="visual") + joint("x_joint", "x")
+    text = GOOD.replace("</robot>", f"{seen}<transmission name='t'/></robot>")
+    text = text.replace('<axis xyz="0 0 1"/>', '<axis xyz="0 0 1"/><dynamics/>', 1)
+    (folder / "bot.urdf").write_text("\ufeff" + text)
+    assert drives("bot.urdf") == pytest.approx(0.48, abs=0.04)
+
+
 def test_a_dummy_root_is_no_second_root(folder: Path) -> None:
     text = GOOD.replace("</robot>", link("foot") + joint("foot_joint", "base", parent="foot"))
     (folder / "bot.urdf").write_text(f"{text}</robot>")
@@ -248,10 +257,10 @@ SHORT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
     ("text", "message"),
     [
         (with_wheels("revolute", SHORT), "'left_joint' is revolute with limits; 'right_joint' is"),
-        (with_wheels("fixed"), "all joints are fixed; make theirs continuous, or name them"),
+        (with_wheels("fixed"), "all joints are fixed; wheels have continuous joints"),
         (
             GOOD.replace('xyz="0 0 1"', 'xyz="1 0 0"'),
-            "'left_joint' has an axis that is not across the body, of which x is ahead",
+            "'left_joint' has an axis that is not across the body; 'right_joint'",
         ),
         (GOOD.replace(wheel("left", 0.15), ""), "pairs left and right: 'right_joint' is a wheel"),
     ],

@@ -98,6 +98,7 @@ UNSUPPORTED = {
     "heightmap": model("hill", "<heightmap><uri>a.png</uri></heightmap>"),
     "polyline": model("fence", "<polyline><point>0 0</point></polyline>"),
     "mesh": model("robot", "<mesh><uri>file://a.dae</uri></mesh>"),
+    "plane": model("side", "<plane><normal>1 0 0</normal></plane>"),
     "part": model("wheel", "<mesh><uri>file://a.dae</uri><submesh/></mesh>"),
     "include": "<include><uri>model://cafe_table</uri></include>",
     "population": "<population name='cans'/>",

@@ -279,7 +279,8 @@ def test_round_and_leaning_shapes_become_upright_parts(tmp_path: Path, what: str
 
 
 def test_the_floor_is_the_slab_on_which_start_and_goal_are(tmp_path: Path) -> None:
-    slab = model("ground", box("20 20 0.2"), at="0 0 -0.05 0 0 0")
+    slab = model("ground", box("4 20 0.2"), at="-1 0 -0.05 0 0 0")
+    slab += model("more", box("4 20 0.2"), at="3 0 -0.05 0 0 0")
     post = model(
         "post", "<cylinder><radius>0.1</radius><length>1</length></cylinder>", at="3 3 0.55 0 0 0"
     )
