@@ -148,7 +148,7 @@ def _model(module: str, path: str) -> type[BaseModel]:
 
 def main() -> int:
     """Rewrite what has changed; tell which pages those were."""
-    for page in sorted(DOCS.glob("*.md")):
+    for page in (*sorted(DOCS.glob("*.md")), DOCS.parent / "examples/ros/README.md"):
         old = page.read_text(encoding="utf-8")
         new = renewed(old)
         if new != old:

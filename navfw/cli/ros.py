@@ -18,7 +18,8 @@ from navfw.process.interruption import deferred
 from navfw.recording.run_folder import plain_json
 
 if TYPE_CHECKING:
-    from navfw.ros import DriveOptions
+    from navfw.missions.session import Session
+    from navfw.ros import DriveOptions, RosNode
     from navfw.signals import Waypoint
     from navfw.stack import Stack
     from navfw.topomap import TopoMap
@@ -27,6 +28,10 @@ _ROS_ARGS = "--ros-args"
 _MAP_OF_NOTHING = "empty"
 _EXPLORE, _ORIGIN, _AT_HOME = "explore", "0,0,0", 0.15
 """The stack that explores and maps, its start, and the distance [m] at which it is back there."""
+_SENSE = "sense"
+"""The stack that only perceives, for other nodes."""
+_SHARED = "/tf", "/tf_static", "/clock", "/diagnostics", "/ground_truth/odom"
+"""Topics that several robots would share; in a namespace each has its own."""
 
 group = options.command_group("Drive a robot of ROS 2, or be one.")
 
@@ -60,8 +65,15 @@ _TEACH = typer.Option(
 )
 _POSE = typer.Option(metavar="X,Y,YAW", help="Pose in the map [m, m, rad].")
 _START = typer.Option(metavar="X,Y,YAW", help="Pose in the map [m, m, rad], or a place.")
+_FREE_START = typer.Option(
+    metavar="X,Y,YAW", help="Start without MISSION [m, m, rad] [default: that of the first one]."
+)
 _Lockstep = Annotated[
     bool, typer.Option("--lockstep", help="With a robot in lock step: bit for bit.")
+]
+_Namespace = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="Of all topics, /tf and /clock, too: one for each robot."),
 ]
 _Force = Annotated[bool, typer.Option("--force", help="Replace an earlier map of that name.")]
 
@@ -78,6 +90,7 @@ def drive(
     teach: Annotated[str | None, _TEACH] = None,
     force: _Force = False,
     lockstep: _Lockstep = False,
+    namespace: _Namespace = None,
     json: options.Json = False,
 ) -> None:
     """Drive a robot of ROS 2: images, IMU and wheels in, cmd_vel out.
@@ -106,7 +119,9 @@ def drive(
             wanted = _options(topo_map, start or _ORIGIN, [], tolerance, lockstep=lockstep)
             made = MappingStack.load(stack or _EXPLORE, model, topo_map, default_registry())
             about = f"another node steers {robot or 'default'}; the map is {file}"
-    _drive(ctx, made, wanted, about, maps=teach is not None, file=file, json=json)
+    _drive(
+        ctx, made, wanted, about, maps=teach is not None, file=file, namespace=namespace, json=json
+    )
 
 
 @group.command(cls=_RosCommand)
@@ -125,6 +140,7 @@ def explore(
         typer.Option(min=1.0, help="Time to be back at the start [s] [default: 600]."),
     ] = None,
     lockstep: _Lockstep = False,
+    namespace: _Namespace = None,
     json: options.Json = False,
 ) -> None:
     """Explore a building without a map with a robot of ROS 2, return, and save the map.
@@ -143,7 +159,42 @@ def explore(
         wanted = _options(nothing, start, [home], _AT_HOME, lockstep=lockstep)
         limits = [] if limit is None else [f"explorer.limit={limit!r}"]
         made = Stack.load(stack, model, nothing, default_registry(), limits)
-    _drive(ctx, made, wanted, f"{robot or 'default'} explores", maps=True, file=file, json=json)
+    _drive(
+        ctx,
+        made,
+        wanted,
+        f"{robot or 'default'} explores",
+        maps=True,
+        file=file,
+        namespace=namespace,
+        json=json,
+    )
+
+
+@group.command(cls=_RosCommand)
+def sense(
+    ctx: typer.Context,
+    robot: options.Robot = None,
+    stack: options.Stack = _SENSE,
+    namespace: _Namespace = None,
+    json: options.Json = False,
+) -> None:
+    """Be a sensor for other nodes: a scan, obstacles and odometry from one camera, IMU and wheels.
+
+    It commands nothing, and runs until Ctrl-C. Topics are in docs/ros2.md; after --ros-args come
+    remappings and parameters.
+    """
+    with quiet_stdout():
+        from navfw.plugins import default_registry
+        from navfw.robot.robotfile import load_robot
+        from navfw.stack.sensing_stack import SensingStack
+        from navfw.topomap import load_map
+
+        nothing, model = load_map(_MAP_OF_NOTHING), load_robot(robot or "default")
+        wanted = _options(nothing, None, [], _AT_HOME, lockstep=False)
+        made = SensingStack.load(stack, model, nothing, default_registry())
+    about = f"senses for other nodes with {robot or 'default'}: see navfw/scan, navfw/obstacles"
+    _drive(ctx, made, wanted, about, senses=True, namespace=namespace, json=json)
 
 
 def _drive(
@@ -152,20 +203,28 @@ def _drive(
     wanted: DriveOptions,
     about: str,
     *,
-    maps: bool,
-    file: Path | None,
+    maps: bool = False,
+    senses: bool = False,
+    file: Path | None = None,
+    namespace: str | None,
     json: bool,
 ) -> NoReturn:
-    """Drive by ``stack``, and report how it ended; if it ``maps``, keep the map in ``file``."""
+    """Drive by ``stack``, and report how it ended; if it ``maps``, keep the map in ``file``.
+
+    One that ``senses`` is a ``SensingStack``, which publishes what it perceives.
+    """
     from navfw.ros import DriveNode, RosNode
     from navfw.ros.map_keeper import MapKeeper
+    from navfw.ros.sense_outputs import SenseOutputs
 
     with quiet_stdout():
         _load_kernels(quiet=json)
-        node, ended, said = RosNode("navfw", ctx.meta[_ROS_ARGS]), "ended by a signal", {}
+        name = "navfw_sense" if senses else "navfw"
+        node, ended, said = RosNode(name, _arguments(ctx, namespace)), "ended by a signal", {}
         try:
             keeper = MapKeeper(node, stack, file) if maps else None
-            driver = DriveNode(node, stack, wanted, keeper)
+            outputs = SenseOutputs(node, stack) if senses else None
+            driver = DriveNode(node, stack, wanted, keeper, outputs)
             with suppress(KeyboardInterrupt):
                 ended = driver.run(about)
             code = int(wanted.once and ended != "reached")
@@ -182,6 +241,16 @@ def _drive(
     lines = [ended, *(f"  {name} {value}" for name, value in report.items() if value)]
     print_result({"ended": ended, **report}, lines, json=json)
     raise typer.Exit(code)
+
+
+def _arguments(ctx: typer.Context, namespace: str | None) -> list[str]:
+    """What follows ``--ros-args``, and what puts all topics into the ``namespace``."""
+    rules = [] if namespace is None else [f"__ns:=/{namespace.strip('/')}", *map(_own, _SHARED)]
+    return [*ctx.meta[_ROS_ARGS], *(word for rule in rules for word in ("-r", rule))]
+
+
+def _own(topic: str) -> str:
+    return f"{topic}:={topic[1:]}"
 
 
 def _load_kernels(*, quiet: bool) -> None:
@@ -224,9 +293,9 @@ def sim(
     world: options.World,
     mission: options.Mission = "",
     explore: Annotated[
-        bool,
-        typer.Option("--explore", help="Instead of MISSION: from the start of the first one."),
+        bool, typer.Option("--explore", help="Instead of MISSION: the mission to explore.")
     ] = False,
+    start: Annotated[str | None, _FREE_START] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of all noise.")] = 0,
     robot: options.Robot = None,
     pace: Annotated[
@@ -238,11 +307,13 @@ def sim(
         typer.Option("--set", metavar="K=V", help="Change one value of the mission, e.g. timeout."),
     ] = None,
     gui: Annotated[bool, typer.Option("--gui", help="Show a window.")] = False,
+    namespace: _Namespace = None,
     json: options.Json = False,
 ) -> None:
-    """Be the robot of a mission in ROS 2, for nodes that drive it; the stack is theirs.
+    """Be a robot of ROS 2, for nodes that drive it; the stack is theirs.
 
-    It stops by itself when cmd_vel is silent for 0.25 s. Exit with 0 if it stopped at the goal.
+    It stops by itself when cmd_vel is silent for 0.25 s. Without MISSION it runs until Ctrl-C, and
+    has the services reset, pause and resume. With one it exits with 0 if it stopped at the goal.
     """
     with quiet_stdout():
         from navfw.missions import MissionLoop, MissionResult, prepare
@@ -251,9 +322,16 @@ def sim(
         overrides = (*options.of_robot(robot), *(settings or ()))
         if mission and explore:
             raise InputError("give a mission or --explore, not both", key="--explore")
-        loaded = prepare(world, None if explore else mission, seed=seed, overrides=overrides)
+        free = not (mission or explore)
+        if start is not None and not free:
+            raise InputError("is of a robot without a mission: leave out MISSION", key="--start")
+        if (at := options.numbers_of("--start", start, ("X", "Y", "YAW"))) is not None:
+            overrides += (f"mission.start={list(at)}",)
+        loaded = prepare(world, mission or None, seed=seed, overrides=overrides)
         compile_with_progress(loaded=True, quiet=json)
-        node = RosNode("navfw_sim", ctx.meta[_ROS_ARGS])
+        node = RosNode("navfw_sim", _arguments(ctx, namespace))
+        if free:
+            _roam(node, loaded, pace, gui=gui)
         simulation = loaded.simulation(gui)
         try:
             pilot = RosPilot(node, loaded.task.robot, simulation, pace)
@@ -267,3 +345,21 @@ def sim(
     print_result(plain_json(summary), [line], json=json)
     if summary["outcome"] != "reached":
         raise typer.Exit(1)
+
+
+def _roam(node: RosNode, loaded: Session, pace: float, *, gui: bool) -> NoReturn:
+    """Be a robot without a mission until a signal."""
+    from navfw.process.interruption import interruptible
+    from navfw.ros import RosPilot
+
+    simulation = loaded.simulation(gui)
+    try:
+        pilot = RosPilot(node, loaded.task.robot, simulation, pace, free=True)
+        node.say(f"{loaded.world_name}, without a mission: waiting for commands")
+        first = [simulation]
+        with suppress(KeyboardInterrupt), interruptible():
+            pilot.roam(lambda: first.pop() if first else loaded.simulation(gui))
+    finally:
+        simulation.close()
+        node.close()
+    raise typer.Exit(0)

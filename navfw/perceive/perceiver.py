@@ -180,7 +180,7 @@ class Perceiver:
         regions = percept.explanation["regions"]
         # while the camera moves backward nothing approaches
         closing = max(float(flow.motion.translation[2]) / motion.dt, 0.0)
-        contact = _inverse(closing * _nearness_ahead(percept, flow, self._camera))
+        contact = _inverse(closing * nearness_ahead(percept, flow, self._camera))
         percept, statements = self._words.hold(percept, front, contact, known=not problems)
         return PairResult(
             number=self._number,
@@ -346,7 +346,7 @@ def _scaled(flow: FlowField, way: float) -> FlowField:
     )
 
 
-def _nearness_ahead(percept: Percept, flow: FlowField, camera: CameraModel) -> float:
+def nearness_ahead(percept: Percept, flow: FlowField, camera: CameraModel) -> float:
     """Nearness [1/m] straight ahead: the weighted median over the middle of the image."""
     shift = flow.motion.translation
     if abs(shift[2]) < _MIN_AHEAD * flow.motion.baseline:

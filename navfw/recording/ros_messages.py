@@ -14,7 +14,7 @@ from typing import Any, cast
 import numpy as np
 
 from navfw.config.extras import extra_imports
-from navfw.numerics import Image
+from navfw.numerics import Array, Image
 from navfw.recording.channel_list import (
     DECISION_NAME,
     DECISION_SCHEMA,
@@ -163,11 +163,12 @@ def command_message(twist: Twist, now: int) -> bytes:
     return ros_message("geometry_msgs/msg/TwistStamped", fields, now)
 
 
-def odometry_message(odometry: Odometry, now: int) -> bytes:
-    """``Odometry`` of wheels and gyro, of ``base_link`` in ``odom``."""
+def odometry_message(odometry: Odometry, now: int, covariance: Array | None = None) -> bytes:
+    """``Odometry`` of ``base_link`` in ``odom``; ``covariance`` (3, 3) of x, y, yaw, if known."""
     pose = odometry.pose
     at = pose_fields(pose.x, pose.y, pose.yaw)
-    moved = {"pose": {"pose": at}, "twist": {"twist": twist_fields(odometry.twist)}}
+    placed = {"pose": at, **({} if covariance is None else {"covariance": in_space(covariance)})}
+    moved = {"pose": placed, "twist": {"twist": twist_fields(odometry.twist)}}
     fields = {"header": {"frame_id": "odom"}, "child_frame_id": "base_link", **moved}
     return ros_message("nav_msgs/msg/Odometry", fields, now)
 
@@ -223,6 +224,13 @@ def time_fields(now: int) -> Mapping[str, int]:
 def pose_fields(x: float, y: float, yaw: float) -> Mapping[str, Any]:
     """A ``Pose`` in the plane [m, rad]."""
     return {"position": {"x": x, "y": y}, "orientation": _about_z(yaw)}
+
+
+def in_space(covariance: Array) -> Array:
+    """The covariance (36,) of x, y, z, roll, pitch, yaw, of that (3, 3) of x, y, yaw."""
+    wide = np.zeros((6, 6))
+    wide[np.ix_([0, 1, 5], [0, 1, 5])] = covariance
+    return wide.ravel()
 
 
 def twist_fields(twist: Twist) -> Mapping[str, Any]:

@@ -19,6 +19,8 @@ Quality = Literal["sensor", "reliable", "latched"]
 
 _DEPTH, _IMAGES, _MAX_TAKEN = 100, 5, 500
 """Messages that wait in a queue, images, and what is taken in before the caller has its turn."""
+_PACED = 0.3
+"""Time [s] of the wall clock over which the pace of a simulated one is measured."""
 _MAX_NOTES = 100
 """Notes that are kept: hostile messages could give any number."""
 
@@ -53,6 +55,7 @@ class RosNode:
         self._executor.add_node(self._node)
         self.notes: list[str] = []
         self._noted: set[str] = set()
+        self._clock, self._pace = (0.0, 0.0), 1.0
 
     def parameter(self, name: str, default: Any) -> Any:
         """The parameter called ``name``, of the type of ``default``.
@@ -76,6 +79,24 @@ class RosNode:
     def now(self) -> int:
         """The time of the node's clock [ns]: simulated with ``use_sim_time``."""
         return int(self._node.get_clock().now().nanoseconds)
+
+    def seconds(self) -> float:
+        """The time [s] by which silence is judged: that of the wall clock, at the clock's pace.
+
+        With ``use_sim_time`` the simulated clock goes on at its last pace where it stands, so that
+        a slow simulation is not silent, and one that has ended is.
+        """
+        wall, (at, told) = time.monotonic(), self._clock
+        return wall if told == 0.0 else told + self._pace * (wall - at)
+
+    def _follow_clock(self) -> None:
+        if not self._node.get_clock().ros_time_is_active:
+            return
+        now, wall, (at, told) = 1e-9 * self.now(), time.monotonic(), self._clock
+        if told == 0.0 or now < told:
+            self._clock = wall, now
+        elif now > told and wall - at > _PACED:
+            self._pace, self._clock = (now - told) / (wall - at), (wall, now)
 
     def publisher(
         self, topic: str, kind: str, quality: Quality = "reliable"
@@ -190,6 +211,7 @@ class RosNode:
                 return
             callback()
             callback.result()
+            self._follow_clock()
 
     def spin_for(self, seconds: float) -> None:
         """Take in all that arrives within ``seconds`` of wall-clock time."""

@@ -21,7 +21,8 @@ from navfw.ros.drive_outputs import DriveOutputs, text_message
 from navfw.ros.map_keeper import NAME_PLACE, MapKeeper
 from navfw.ros.sensor_inputs import TOLERANCE, SensorInputs, goal_at
 from navfw.signals import Pose, SensorReading, Twist, Waypoint
-from navfw.stack import MappingStack, Stack, halt
+from navfw.stack import Stack, halt
+from navfw.stack.sensing_stack import SensingStack
 
 _MAX_AGE = 0.2
 """Age [s] of the last command at which the robot is told to stand, whatever the stack does."""
@@ -37,8 +38,6 @@ _STILL = 0.02
 _STAND = Twist(0.0, 0.0)
 _STOPPED, _INACTIVE = "stopped by ~/stop", "inactive"
 """What holds the robot."""
-_FOCAL = 0.03
-"""Relative difference of focal lengths from which on it is told."""
 _TF = "tf2_msgs/msg/TFMessage"
 _SNAP = 240.0
 """Rate [Hz] of whose steps the times of ``navfw ros sim`` are multiples."""
@@ -74,17 +73,22 @@ class DriveOptions:
 class DriveNode:
     """Drives one robot by ``stack``, until it is told to end; ``outputs`` tell what it does.
 
-    A stack that only maps commands nothing. With a ``keeper`` of the map that grows there are no
-    other goals than those of ``options``, and no other start: the map begins there. Parameters of
-    the node: ``wheels`` (joints or odom), ``wheel_joints``, ``imu_rpy`` [rad], ``compressed``,
+    A stack that only perceives commands nothing. With a ``keeper`` of the map that grows there are
+    no other goals than those of ``options``, and no other start: the map begins there. Parameters
+    of the node: ``wheels`` (joints or odom), ``wheel_joints``, ``imu_rpy`` [rad], ``compressed``,
     ``stamped_cmd_vel``.
     """
 
     def __init__(
-        self, node: RosNode, stack: Stack, options: DriveOptions, keeper: MapKeeper | None = None
+        self,
+        node: RosNode,
+        stack: Stack,
+        options: DriveOptions,
+        keeper: MapKeeper | None = None,
+        outputs: DriveOutputs | None = None,
     ) -> None:
         self._node, self._stack, self._options, self._keeper = node, stack, options, keeper
-        self._steers = not isinstance(stack, MappingStack)
+        self._steers = not isinstance(stack, SensingStack)
         self._robot = stack.robot
         self._period = 1.0 / self._robot.control_rate
         joints = node.parameter("wheel_joints", ["", ""])
@@ -95,7 +99,7 @@ class DriveNode:
         self._stamped = node.parameter("stamped_cmd_vel", True)
         self._images, self._missing = list[str](), list[str]()
         self._heard: dict[str, float] = {}
-        self._ticked = time.monotonic()
+        self._ticked = node.seconds()
         self._latest = self._stepped = -math.inf
         self._goals = options.goals
         self._held, self._halted = set[str](), False
@@ -108,8 +112,10 @@ class DriveNode:
         if self._steers:
             velocity = "TwistStamped" if self._stamped else "Twist"
             self._command = node.publisher("cmd_vel", f"geometry_msgs/msg/{velocity}")
-        self._status = node.publisher("navfw/status", "std_msgs/msg/String", "latched")
-        self.outputs = DriveOutputs(node, stack)
+        self._status: Callable[[bytes], None] = lambda _: None
+        if self._steers or keeper is not None:
+            self._status = node.publisher("navfw/status", "std_msgs/msg/String", "latched")
+        self.outputs = outputs or DriveOutputs(node, stack)
 
     def _subscribe(self, wheels: str, compressed: bool) -> None:
         node, inputs = self._node, self._inputs
@@ -118,11 +124,11 @@ class DriveNode:
         quality: Quality = "reliable" if self._options.lockstep else "sensor"
 
         def hear(topic: str, kind: str, take: Any, **more: Any) -> None:
-            self._heard[topic] = time.monotonic()
+            self._heard[topic] = node.seconds()
 
             def receive(message: Any) -> None:
                 if topic in self._heard:
-                    self._heard[topic] = time.monotonic()
+                    self._heard[topic] = node.seconds()
                 take(topic, message, 1e-9 * node.now(), **more)
 
             node.subscribe(topic, kind, receive, quality)
@@ -139,12 +145,12 @@ class DriveNode:
         if node.has_type(_TF):
             node.subscribe("/tf_static", _TF, inputs.mounts, "latched")
             node.subscribe("odom", TOPICS["odom"][0], self._take_base, quality)
-        node.subscribe("camera_info", TOPICS["camera_info"][0], self._compare_camera, quality)
+        node.subscribe("camera_info", TOPICS["camera_info"][0], inputs.camera_info, quality)
         if self._steers:
             node.serve("stop", self._stop)
             node.serve("resume", self._resume)
         self._end_goal: Callable[[bool], None] = lambda _: None
-        if self._keeper is None:
+        if self._keeper is None and self._steers:
             self._subscribe_goals()
         node.manage(lambda: self._held.discard(_INACTIVE), lambda: self._hold(_INACTIVE))
 
@@ -175,15 +181,6 @@ class DriveNode:
     def _take_base(self, message: Any) -> None:
         """Keep the robot's own odometry: then it publishes the transform to base_link."""
         self._base = Pose(*planar_pose(message))
-
-    def _compare_camera(self, message: Any) -> None:
-        camera = self._robot.camera
-        focal = message.k[0] * camera.width / message.width if message.width else 0.0
-        if not (math.isfinite(focal) and focal > 0.0):
-            self._node.note("camera_info is empty: the robot file's camera counts")
-        elif abs(focal / camera.focal - 1.0) > _FOCAL:
-            what = f"focal length of {focal:.1f} px, that of the robot file is {camera.focal:.1f}"
-            self._node.note(f"camera_info has a {what} px: correct camera.hfov")
 
     def _take_goal(self, message: Any) -> bool:
         """Go where a ``PoseStamped`` is, in ``map``; whether that is possible."""
@@ -277,11 +274,11 @@ class DriveNode:
         Returns how a drive with ``once`` ended, in a sentence; else, and while held, no text.
         """
         self._node.spin(seconds)
-        began, readings = time.monotonic(), list(self._due())
+        began, readings = self._node.seconds(), list(self._due())
         twists = [self._step(reading) for reading in readings]
         if not readings:
             return ""
-        state, at, lasted = self._stack.state, readings[-1].time, time.monotonic() - began
+        state, at, lasted = self._stack.state, readings[-1].time, self._node.seconds() - began
         if lasted > _MAX_AGE and self._steers and not self._options.lockstep:
             self._node.note(f"decisions take more than {_MAX_AGE} s: the robot stands meanwhile")
             self._halted = True
@@ -292,9 +289,10 @@ class DriveNode:
             came_at, age = self._image_came
             self.outputs.latencies.append(max(0.0, age) + time.monotonic() - came_at)
             ended = self._ended() or ", ".join(self._held)
-            self.outputs.tell(frame, self._base, ended, self._node.now())
+            seen_at = self._inputs.stamp_of(state.time)
+            self.outputs.tell(frame, self._base, ended, seen_at)
             if self._keeper is not None:
-                self._keeper.tell(self._node.now())
+                self._keeper.tell(seen_at)
         if ended := self._ended():
             self._end_goal(ended == "reached")
         return ended if self._options.once and not self._held else ""
@@ -306,7 +304,7 @@ class DriveNode:
 
         def watch() -> None:
             while not over.wait(0.1 * _MAX_AGE):
-                if time.monotonic() - self._sent > 0.9 * _MAX_AGE:
+                if self._node.seconds() - self._sent > 0.9 * _MAX_AGE:
                     self._stand()
 
         watchdog = threading.Thread(target=watch, daemon=True)
@@ -326,7 +324,7 @@ class DriveNode:
         if self._options.lockstep:
             due = new > 0.0 and inputs.complete(self._latest, self._images)
             return inputs.readings() if due else ()
-        now = time.monotonic()
+        now = self._node.seconds()
         self._tell_missing(now)
         if new > _ODD * self._period:
             return inputs.readings()
@@ -335,6 +333,7 @@ class DriveNode:
         return inputs.readings(inputs.newest) if silent else ()
 
     def _tell_missing(self, now: float) -> None:
+        self._heard = {topic: min(at, now) for topic, at in self._heard.items()}
         missing = [topic for topic, at in self._heard.items() if now - at > _LOST]
         if missing == self._missing:
             return
@@ -349,7 +348,7 @@ class DriveNode:
                 self._halted = False
                 halt(self._stack)
             self._stack.period = min(reading.time - self._stepped, _MAX_PERIOD)
-        self._stepped, self._ticked = reading.time, time.monotonic()
+        self._stepped, self._ticked = reading.time, self._node.seconds()
         if self._held:
             self._halted = True
             self._stack.mofis.progress.reset()
@@ -369,7 +368,7 @@ class DriveNode:
                 self._command(command_message(twist, stamp))
             else:
                 self._command(ros_message("geometry_msgs/msg/Twist", twist_fields(twist)))
-            self._sent = time.monotonic()
+            self._sent = self._node.seconds()
         if at is not None:
             state, still = self._stack.state, max(abs(twist.v), abs(twist.w)) <= _STILL
             belief = state.belief

@@ -15,7 +15,7 @@ from navfw.localmap import OccupancyGrid
 from navfw.numerics import Array, Image
 from navfw.perceive import draw_flow
 from navfw.recording import odometry_message, plain_json, ros_message
-from navfw.recording.ros_messages import pose_fields, transforms_message
+from navfw.recording.ros_messages import in_space, pose_fields, transforms_message
 from navfw.ros.connection import RosNode
 from navfw.signals import Belief, Frame, Pose, Waypoint
 from navfw.stack import Stack, StackState
@@ -50,16 +50,17 @@ _LINE, _LETTERS, _MARGIN = 18, 0.45, 6
 class DriveOutputs:
     """What ``node`` tells of ``stack``'s decisions, each at its rate.
 
-    ``latencies`` [s] are the newest from an image's stamp to the command.
+    ``topics`` are those that are published, with their types; ``latencies`` [s] are the newest
+    from an image's stamp to the command.
     """
 
-    def __init__(self, node: RosNode, stack: Stack) -> None:
+    def __init__(self, node: RosNode, stack: Stack, topics: Mapping[str, str] = TOPICS) -> None:
         self._node, self._stack = node, stack
         self._told: dict[str, float] = {}
         self.latencies: deque[float] = deque(maxlen=_LATENCIES)
         self._publish = {
             topic: node.publisher(topic, kind, "latched" if kind == _GRID else "reliable")
-            for topic, kind in TOPICS.items()
+            for topic, kind in topics.items()
         }
 
     def tell(self, frame: Frame, base: Pose | None, ended: str, now: int) -> None:
@@ -106,10 +107,8 @@ class DriveOutputs:
 
 def pose_message(belief: Belief, now: int) -> bytes:
     """``PoseWithCovarianceStamped`` of ``base_link`` in ``map``."""
-    covariance = np.zeros((6, 6))
-    covariance[np.ix_([0, 1, 5], [0, 1, 5])] = belief.covariance
     pose = {"pose": pose_fields(belief.pose.x, belief.pose.y, belief.pose.yaw)}
-    fields = {"pose": {**pose, "covariance": covariance.ravel()}}
+    fields = {"pose": {**pose, "covariance": in_space(belief.covariance)}}
     return _in("map", "geometry_msgs/msg/PoseWithCovarianceStamped", fields, now)
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from navfw.missions import Simulator
 from navfw.process.interruption import check_interrupted
 from navfw.recording import ros_messages as ros
 from navfw.robot import RobotModel
-from navfw.ros.connection import Quality, RosNode
+from navfw.ros.connection import RosNode
 from navfw.safety import PersistentFailure
 from navfw.signals import Belief, Pose, SensorReading, Twist, Waypoint
 from navfw.stack import StackState
@@ -32,7 +33,7 @@ TOPICS = {
     "image": ("sensor_msgs/msg/Image", "the camera, mono8"),
     "camera_info": ("sensor_msgs/msg/CameraInfo", "of an undistorted lens"),
     "imu": ("sensor_msgs/msg/Imu", "rates about base_link's axes"),
-    "joint_states": ("sensor_msgs/msg/JointState", "angles of the wheels, by their encoders"),
+    "joint_states": ("sensor_msgs/msg/JointState", "angles of the wheels"),
     "odom": ("nav_msgs/msg/Odometry", "by wheels and gyro"),
     "/tf": ("tf2_msgs/msg/TFMessage", "odom to base_link and camera; where tf2_msgs is installed"),
     "/clock": ("rosgraph_msgs/msg/Clock", "simulated time"),
@@ -40,8 +41,6 @@ TOPICS = {
     "cmd_vel": ("geometry_msgs/msg/TwistStamped", "what to drive; also Twist on cmd_vel_unstamped"),
 }
 """Topics of the simulated robot: type, and what it is."""
-_SENSORS = "image", "camera_info", "imu"
-"""Topics that are sent by best effort; who listens to tf and odom wants them reliably."""
 
 
 class RosPilot:
@@ -49,25 +48,33 @@ class RosPilot:
 
     It publishes every reading, and returns the newest command. ``pace`` is simulated over
     wall-clock time; 0: lock step, each tick waits for the command that has its stamp, and for the
-    driving node's status.
+    driving node's status. Without a mission, ``free``, the latter does not count.
     """
 
     def __init__(
-        self, node: RosNode, robot: RobotModel, simulator: Simulator, pace: float = 1.0
+        self,
+        node: RosNode,
+        robot: RobotModel,
+        simulator: Simulator,
+        pace: float = 1.0,
+        *,
+        free: bool = False,
     ) -> None:
         self.state = StackState(time=0.0)
         self._node, self._robot, self._simulator, self._pace = node, robot, simulator, pace
+        self._free = free
         self._odometer = Odometer(robot)
         self._twist, self._commanded, self._stamp = _STAND, -math.inf, -1
         self._status: dict[str, Any] = {}
+        self._paused = self._again = False
         self._began: tuple[float, float] | None = None
-        quality: Quality = "reliable" if pace == 0.0 else "sensor"
+        # reliably, as best-effort listeners get them then, too
         self._out = {
-            topic: node.publisher(topic, kind, quality if topic in _SENSORS else "reliable")
+            topic: node.publisher(topic, kind)
             for topic, (kind, _) in TOPICS.items()
             if topic != "cmd_vel"
         }
-        self._landmarks = node.publisher("landmark_image", "sensor_msgs/msg/Image", quality)
+        self._landmarks = node.publisher("landmark_image", "sensor_msgs/msg/Image")
         node.subscribe("cmd_vel", TOPICS["cmd_vel"][0], self._take, "reliable")
         node.subscribe("cmd_vel_unstamped", "geometry_msgs/msg/Twist", self._take, "reliable")
         node.subscribe("navfw/status", "std_msgs/msg/String", self._take_status, "reliable")
@@ -76,11 +83,59 @@ class RosPilot:
         """In lock step wait for the driving node, which has been told where it is and goes."""
         if self._pace > 0.0:
             return
-        heard, driven = ("imu", "joint_states", "image"), ("cmd_vel", "navfw/status")
+        heard: Sequence[str] = () if self._free else ("imu", "joint_states", "image")
+        driven = ("cmd_vel",) if self._free else ("cmd_vel", "navfw/status")
         while not (all(map(self._node.wanted, heard)) and all(map(self._node.supplied, driven))):
             check_interrupted()
             self._node.spin(0.05)
         self._node.spin_for(_DISCOVERY)
+
+    def roam(self, begin: Callable[[], AbstractContextManager[Simulator]]) -> None:
+        """Be driven without a mission, whatever it touches or reaches, until a signal.
+
+        ``begin`` makes the simulator at its start: at once, and when ``~/reset`` is called. Time
+        stands from ``~/pause`` to ``~/resume``.
+        """
+        for name, service in (
+            ("reset", self._reset),
+            ("pause", self._pause),
+            ("resume", self._resume),
+        ):
+            self._node.serve(name, service)
+        self.start(None, ())
+        while True:
+            with begin() as self._simulator:
+                self._odometer.reset()
+                self._again, self._began, self._stamp = False, None, -1
+                self._twist, self._commanded = _STAND, -math.inf
+                while not self._again:
+                    self._advance()
+
+    def _advance(self) -> None:
+        """Let one tick pass, or time stand."""
+        check_interrupted()
+        if self._paused:
+            self._node.spin(0.05)
+            self._began = None
+            return
+        twist = self.step(self._simulator.read())
+        self._simulator.drive(*self._robot.wheel_speeds(twist))
+        self._simulator.advance(1.0 / self._robot.control_rate)
+        for body in self._simulator.contacts:
+            pose = self._simulator.true_pose()
+            self._node.note(f"touched {body} at ({pose.x:.2f}, {pose.y:.2f})")
+
+    def _reset(self) -> str:
+        self._again = True
+        return "the robot is at its start, and the clock at 0"
+
+    def _pause(self) -> str:
+        self._paused = True
+        return "time stands until ~/resume"
+
+    def _resume(self) -> str:
+        self._paused = False
+        return "time goes on"
 
     def step(self, reading: SensorReading) -> Twist:
         """Publish ``reading``; the command that holds now."""
@@ -135,7 +190,9 @@ class RosPilot:
 
     def _wait_for(self, stamp: int) -> None:
         """Take in messages until command and status with this ``stamp`` [ns] have come."""
-        while self._stamp != stamp or self._status.get("stamp") != stamp:
+        while self._stamp != stamp or not (self._free or self._status.get("stamp") == stamp):
+            if self._again:
+                return
             check_interrupted()
             self._node.spin(0.05)
 

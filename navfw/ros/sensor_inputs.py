@@ -31,6 +31,8 @@ _JUMP = 1.0
 """Step [s] of the clock backward, beyond which it has begun anew."""
 _SHAPE = 0.01
 """Relative difference of the shape of an image from that of the robot's camera that is allowed."""
+_FOCAL = 0.03
+"""Relative difference of focal lengths from which on it is told."""
 _MAX_ROWS = 1000
 """Messages of gyro and wheels that wait for each other."""
 _MAX_TICKS = 1e12
@@ -133,6 +135,16 @@ class SensorInputs:
             return
         if (time := self.time_of(topic, message.header.stamp, now)) is not None:
             self._rates.append((time, *turned.tolist()))
+
+    def camera_info(self, message: Any) -> None:
+        """Compare a ``CameraInfo`` with the robot file's camera."""
+        camera = self._robot.camera
+        focal = message.k[0] * camera.width / message.width if message.width else 0.0
+        if not (math.isfinite(focal) and focal > 0.0):
+            self._note("camera_info is empty: the robot file's camera counts")
+        elif abs(focal / camera.focal - 1.0) > _FOCAL:
+            what = f"focal length of {focal:.1f} px, that of the robot file is {camera.focal:.1f}"
+            self._note(f"camera_info has a {what} px: correct camera.hfov")
 
     def mounts(self, message: Any) -> None:
         """Take in static transforms, a ``TFMessage``: they tell how the IMU is mounted."""

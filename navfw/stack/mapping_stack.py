@@ -16,6 +16,8 @@ from navfw.signals import (
     Belief,
     Frame,
     LandmarkDetection,
+    OccupiedDisc,
+    Odometry,
     Percept,
     Pose,
     SensorReading,
@@ -24,10 +26,9 @@ from navfw.signals import (
 )
 from navfw.stack.continuity import Continuity
 from navfw.stack.map_growth import MapGrowth
-from navfw.stack.stack import Stack
-from navfw.stack.stack_state import StackState
+from navfw.stack.sensing_stack import SensingStack
 from navfw.stack.stackfile import StackConfig
-from navfw.stack.vision import ready_frame, straight_reading
+from navfw.stack.vision import View
 from navfw.topomap import TopoMap
 
 _NEXT = 0.2  # chosen
@@ -66,10 +67,10 @@ class MappedPart:
         return self.growing.keys[-1].path if self.growing.keys else 0.0
 
 
-class MappingStack(Stack):
-    """Runs the perceiving half of a stack: odometry, vision, local map; and the growing map.
+class MappingStack(SensingStack):
+    """A ``SensingStack`` that grows a map.
 
-    Nothing is planned or decided. The stack file says ``growing_map: true``. ``parts`` are those of
+    The stack file says ``growing_map: true``. ``parts`` are those of
     the drive so far: where a reading cannot be of the same drive as those before (``Continuity``),
     another map begins at the origin. The state's belief is in the map of the last part.
     """
@@ -107,24 +108,22 @@ class MappingStack(Stack):
 
     def _step(self, reading: SensorReading) -> Twist:
         self._watch(reading)
-        measured = self.odometer.update(reading.inertial, reading.encoders)
-        self.history.add(measured)
-        self.safety.update(reading, measured)
-        reading = straight_reading(reading, self._lens)
-        frame = ready_frame(reading.frame, self.robot, self._reduction, self.history)
-        odometry = self._corrected(measured, frame)
-        if frame is not None:
-            seen_from = self._corrected(self.history.at(frame.time))
-            view, _ = self._perceive(reading, frame, seen_from)
-            self._larger |= reading.landmark_frame is not None
-            shown = reading.landmark_frame if self._larger else reading.frame
-            self._sight(shown, view.percept, seen_from.pose)
-            moving = self._observe(frame, view, odometry, seen_from.pose)
-            self.growth.update(odometry, self.local_map, moving, view.percept, seen_from.pose)
-            belief = Belief(odometry.time, self.growing.pose, np.zeros((3, 3)))
-            percept = view.percept or self.state.percept
-            self.state = StackState(reading.time, odometry, belief, view.flows, percept)
-        return odometry.twist
+        return super()._step(reading)
+
+    def _take(
+        self,
+        reading: SensorReading,
+        view: View,
+        odometry: Odometry,
+        seen_from: Pose,
+        moving: tuple[OccupiedDisc, ...],
+    ) -> tuple[Belief, Percept | None]:
+        self._larger |= reading.landmark_frame is not None
+        shown = reading.landmark_frame if self._larger else reading.frame
+        self._sight(shown, view.percept, seen_from)
+        self.growth.update(odometry, self.local_map, moving, view.percept, seen_from)
+        belief = Belief(odometry.time, self.growing.pose, np.zeros((3, 3)))
+        return belief, view.percept or self.state.percept
 
     def _sight(self, shown: Frame | None, percept: Percept | None, pose: Pose) -> None:
         """Keep what is ``shown``, unless the robot is still where it was at the last sighting."""

@@ -83,6 +83,9 @@ class GraphNode:
     def now(self) -> int:
         return round(1e9 * self.graph.time)
 
+    def seconds(self) -> float:
+        return self.graph.time
+
     def publisher(self, topic: str, _kind: str, _quality: str = "") -> Callable[[bytes], None]:
         return lambda data: self.graph.send(topic, data)
 

@@ -25,12 +25,21 @@ class Standing:
         return Pose(0.0, 0.0, 0.0)
 
 
+FINISHED = '{"stamp": 0, "finished": true, "still": true}'
+
+
 class Listed(GraphNode):
-    """A node that keeps the quality of its topics."""
+    """A node that keeps the quality of its topics; Ctrl-C comes while time stands."""
 
     def __init__(self) -> None:
         super().__init__(Graph())
+        self.spins = 0
         self.qualities: dict[str, str] = {}
+
+    def spin(self, seconds: float) -> None:
+        super().spin(seconds)
+        if seconds > 0.0 and self.spins:
+            raise KeyboardInterrupt
 
     def publisher(self, topic: str, kind: str, quality: str = "reliable") -> Any:
         self.qualities[topic] = quality
@@ -73,10 +82,62 @@ def test_commands_that_are_no_numbers_are_left_out(v: float) -> None:
     assert "a command is left out" in node.notes[0]
 
 
-def test_listeners_that_want_reliable_transforms_and_wheels_get_them() -> None:
-    qualities = made(1.0)[1].qualities
-    assert {qualities[t] for t in ("/tf", "odom", "joint_states", "/clock")} == {"reliable"}
-    assert {qualities[t] for t in ("image", "camera_info", "imu")} == {"sensor"}
+def test_listeners_that_want_reliable_messages_get_them() -> None:
+    # listeners by best effort get them as well
+    assert set(made(1.0)[1].qualities.values()) == {"reliable"}
+
+
+class Simulated(Standing):
+    """A simulator of which there may be several: each begins at time 0."""
+
+    contacts: tuple[str, ...] = ()
+
+    def __enter__(self) -> "Simulated":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def read(self) -> SensorReading:
+        return reading(self.time)
+
+    def drive(self, left: float, right: float) -> None:
+        self.wheels = left, right
+
+    def advance(self, dt: float) -> None:
+        self.time += dt
+
+
+def test_without_a_mission_it_begins_anew_pauses_and_does_not_end_at_a_goal(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    node, begun, done = Listed(), list[Simulated](), False
+    monkeypatch.setattr("navfw.ros.robot_node.time", node.graph)
+    pilot = RosPilot(cast("RosNode", node), ROBOT, cast("Simulator", Simulated()), 1.0, free=True)
+
+    def begin() -> Any:
+        begun.append(Simulated())
+        return begun[-1]
+
+    def meanwhile() -> None:
+        nonlocal done
+        time = begun[-1].time
+        node.graph.send("navfw/status", ros_message("std_msgs/msg/String", {"data": FINISHED}))
+        node.graph.send("cmd_vel", command(0.4))
+        node.graph.deliver()
+        if time > 1.0 and len(begun) == 1:
+            node.services["reset"]()
+        if 0.5 < time < 0.6 and len(begun) == 2 and not done:
+            node.services["pause"]()
+            done = True
+        assert time < 0.6 or len(begun) == 1
+        node.spins = int(done)
+
+    node.meanwhile = meanwhile
+    with pytest.raises(KeyboardInterrupt):
+        pilot.roam(begin)
+    assert [round(simulated.time, 1) for simulated in begun] == [1.0, 0.5]
+    assert begun[1].wheels[0] > 0.0
 
 
 def test_each_image_has_its_camera_info() -> None:

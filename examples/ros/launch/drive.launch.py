@@ -1,4 +1,4 @@
-"""Start the driving node: ros2 launch examples/ros2.launch.py map:=plan.yaml robot:=FILE."""
+"""Start the driving node: ros2 launch navfw_ros drive.launch.py map:=plan.yaml robot:=FILE."""
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, ExecuteProcess
