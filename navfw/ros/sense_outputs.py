@@ -32,9 +32,9 @@ TOPICS: Mapping[str, tuple[str, str]] = {
     "/diagnostics": ("diagnostic_msgs/msg/DiagnosticArray", "state, latency"),
 }
 """Topics of what is published: type, and what it is."""
-RANGE = 2.5
+MAX_RANGE = 2.5
 """Largest range of the scans [m]: farther off, most obstacles are not seen yet."""
-_NEAREST = 0.02
+_MIN_RANGE = 0.02
 """Least range of the scans [m]."""
 _DEGREE = math.radians(1.0)
 """Angle between two rays."""
@@ -70,7 +70,7 @@ class SenseOutputs(DriveOutputs):
             self._diagnose(ended, now)
             return
         pose = odometry.pose
-        scan = hits.scan(pose, self._bearings, RANGE)
+        scan = hits.scan(pose, self._bearings, MAX_RANGE)
         send["navfw/scan"](scan_message(self._bearings, scan.ranges, scan.sigma, now))
         send["navfw/free"](scan_message(self._bearings, scan.free, None, now))
         send["navfw/obstacles"](cloud_message(hits.obstacles(pose, state.time), now))
@@ -134,8 +134,8 @@ def scan_message(bearings: Array, ranges: Array, sigma: Array | None, now: int) 
         "angle_min": float(bearings[0]),
         "angle_max": float(bearings[-1]),
         "angle_increment": _DEGREE,
-        "range_min": _NEAREST,
-        "range_max": RANGE,
+        "range_min": _MIN_RANGE,
+        "range_max": MAX_RANGE,
         "ranges": ranges.astype(np.float32),
     }
     if sigma is not None:

@@ -13,7 +13,7 @@ from navfw.missions import prepare
 from navfw.numerics import Array
 from navfw.plugins import default_registry
 from navfw.ros import DriveNode, DriveOptions, RosNode, RosPilot
-from navfw.ros.sense_outputs import RANGE, TOPICS, SenseOutputs
+from navfw.ros.sense_outputs import MAX_RANGE, TOPICS, SenseOutputs
 from navfw.signals import Pose
 from navfw.stack.sensing_stack import SensingStack
 from navfw.topomap import load_map
@@ -88,7 +88,7 @@ def occupancy(drive: SensedDrive, size: float = 12.0) -> tuple[Array, Array]:
         for bearing, distance in zip(heading, scan.ranges, strict=True):
             if math.isnan(distance):
                 continue
-            ahead = np.arange(0.0, min(distance, RANGE), 0.5 * CELL)
+            ahead = np.arange(0.0, min(distance, MAX_RANGE), 0.5 * CELL)
             rows, columns = (
                 ((at + 0.5 * size + ahead * way) / CELL).astype(int)
                 for at, way in ((place.y, math.sin(bearing)), (place.x, math.cos(bearing)))
@@ -130,7 +130,7 @@ def test_what_is_published_and_a_map_made_of_it(monkeypatch: pytest.MonkeyPatch)
     assert known > 0.3 * len(scans[20:]) * len(scans[0].ranges)
     assert np.quantile(off, 0.68) < 1.2
     free = np.array([message.ranges for message in heard["navfw/free"]])
-    assert np.nanmax(free) <= RANGE + 1e-6
+    assert np.nanmax(free) <= MAX_RANGE + 1e-6
 
     # the odometry's covariance grows, and the pose is within it
     start, last = drive.session.task.start, odometry[-1]
