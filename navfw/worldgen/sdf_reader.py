@@ -52,7 +52,7 @@ _IGNORED = frozenset(
 """Elements of a world that are no solids."""
 _FLAT = ("plane", "empty")
 """Shapes that are no solids."""
-_GROUND = re.compile(r"(?:.*/)?(ground[_ ]?plane|sun)(?:/\d+|/tip)?", re.IGNORECASE)
+_GROUND = re.compile(r"(?:.*/)?(ground(?:_| |%20)?plane|sun)(?:/\d+|/tip)?", re.IGNORECASE)
 """Included models of which a world has its own."""
 _DRIVEN = re.compile("drive|planar_?move|velocity_?control", re.IGNORECASE)
 """What plugins are called that drive a robot."""
@@ -60,8 +60,6 @@ _LEVEL = 0.9
 """Least upward component of the normal of a plane that is no wall."""
 _MIN_HALF = 0.01
 """Half of the least width of a solid [m]: thinner ones get it."""
-_MAX_DEPTH = 12
-"""Of models within models."""
 
 
 @dataclass
@@ -111,7 +109,7 @@ class _SdfReader:
         self._left: dict[tuple[str, str], list[str]] = {}
 
     def read(self, world: Element) -> SdfWorld:
-        self._include(world, self.path, 0)
+        self._include(world, (self.path,))
         # a saved state has the models' poses at which Gazebo starts
         state = world.find("state")
         if state is not None:
@@ -134,26 +132,28 @@ class _SdfReader:
     def _assume(self, taken: str, reason: str, name: str) -> None:
         self._left.setdefault((taken, reason), []).append(name)
 
-    def _include(self, element: Element, file: Path, depth: int) -> None:
-        """Put the included models, and theirs, into the places of their <include>."""
-        self._file = file
+    def _include(self, element: Element, files: tuple[Path, ...]) -> None:
+        """Put the included models, and theirs, into the places of their <include>.
+
+        ``files`` are that of the element, last, and those that include it.
+        """
         for index, child in enumerate(list(element)):
             if child.tag == "model":
-                self._include(child, file, depth)
+                self._include(child, files)
             if child.tag != "include":
                 continue
+            self._file = files[-1]
             uri = " ".join((child.findtext("uri") or "").split())
             ground = _GROUND.fullmatch(uri)
-            found = None if ground else self._files.find_model(uri, file)
+            found = None if ground else self._files.find_model(uri, files[-1])
             if ground and "sun" not in ground[1].lower():
                 self._assume("the floor, at z = 0", "it is the included one", "ground plane")
-            elif found is not None and depth >= _MAX_DEPTH:
-                what = f"the model {uri!r} is within {depth} others: they include each other"
-                raise ConfigError(what, file=shown_path(file), line=line_of(child))
+            elif found in files:
+                what = f"the model {uri!r} includes itself"
+                raise ConfigError(what, file=shown_path(files[-1]), line=line_of(child))
             elif found is not None:
-                model = element[index] = included_model(child, file, found)
-                self._include(model, found, depth + 1)
-                self._file = file
+                element[index] = included_model(child, files[-1], found)
+                self._include(element[index], (*files, found))
             elif not ground:
                 self._unsupported(child, f"the included model {uri!r}: not found")
         self._file = self.path

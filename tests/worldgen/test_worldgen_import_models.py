@@ -111,7 +111,7 @@ def test_a_model_that_is_not_there_is_named_once_with_the_folders(tmp_path: Path
 
 
 def test_the_ground_and_the_sun_are_the_worlds_own(tmp_path: Path) -> None:
-    uris = ["model://ground_plane", "model://sun", f"{FUEL}Ground Plane", f"{FUEL}Sun/2"]
+    uris = ["model://ground_plane", "model://sun", f"{FUEL}Ground%20Plane", f"{FUEL}Sun/2"]
     content = read(tmp_path, world(*map(include, uris)))
     assert (content.shapes, content.unsupported) == ([], [])
     assert "ground plane: the floor, at z = 0" in str(content.assumed[0])
@@ -213,7 +213,7 @@ def test_models_that_include_each_other_or_are_damaged(tmp_path: Path) -> None:
         },
     )
     for name, message in {
-        "m": "they include each other",
+        "m": "the model .model://m. includes itself",
         "r": r"r/model.sdf:1: expected <sdf> with a <model>, got <robot>",
         "d": r"d/model.sdf:1: box.size: expected 3 numbers, got '1 0.4'",
     }.items():
