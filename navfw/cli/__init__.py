@@ -28,7 +28,13 @@ from navfw.process.interruption import INTERRUPTED, ignore_signals, interruptibl
 __all__ = ["PANELS", "app", "main"]
 
 PANELS = {
-    "Drive": {"run": "run", "replay": "recordings", "perceive": "perceive", "ros": "ros"},
+    "Drive": {
+        "demo": "demo",
+        "run": "run",
+        "replay": "recordings",
+        "perceive": "perceive",
+        "ros": "ros",
+    },
     "Look": {"list": "listings", "explain": "explain", "report": "recordings", "export": "bags"},
     "Make": {"world": "world", "map": "map", "rules": "edit_rules"},
     "Measure": {"suite": "suite", "tune": "tune"},

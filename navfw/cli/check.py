@@ -68,17 +68,26 @@ def check(
 
 def schema(
     kind: Annotated[
-        str, typer.Argument(metavar="KIND", help=f"Kind of file: {', '.join(sorted(FILE_KINDS))}.")
+        str,
+        typer.Argument(
+            metavar="KIND",
+            help=f"Kind of file: {', '.join(sorted(FILE_KINDS))}; or result, of a run.",
+        ),
     ],
 ) -> None:
     """Print the JSON Schema of a kind of file. Editors complete and explain keys by it.
 
     It gives keys, types and bounds. What files say of each other is checked by navfw check.
     """
-    if kind not in FILE_KINDS:
-        raise UnknownNameError("kind of file", kind, FILE_KINDS)
+    if kind not in (known := [*FILE_KINDS, "result"]):
+        raise UnknownNameError("kind of file", kind, known)
     with quiet_stdout():
-        content = FILE_KINDS[kind].schema()
+        if kind == "result":
+            from navfw.missions.run_metrics import RunResult
+
+            content = RunResult.schema()
+        else:
+            content = FILE_KINDS[kind].schema()
     print_json(content)
 
 

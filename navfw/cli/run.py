@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from navfw.missions.missionfile import Destination
     from navfw.missions.pilot import TickView
     from navfw.missions.session import MissionResult, Session
+    from navfw.recording.channel_list import SeenRun
     from navfw.recording.live_server import LiveServer
     from navfw.signals import Waypoint
 
@@ -233,7 +234,7 @@ def _drive(
         session = _prepared(request, mission)
         assumed = _assumed(session, quiet=request.quiet)
         compile_with_progress(loaded=True, quiet=request.quiet)
-        server = _live(session, request) if request.live else None
+        server = live_server(session, request) if request.live else None
     target = RunFolder(request.out or default_folder(session), numbered=request.out is None)
     result = None
     try:
@@ -242,7 +243,7 @@ def _drive(
             recorded = RecordedFolder(session, target) if kept else None
             _announce(session, target, request)
             bar = ProgressBar(quiet=request.quiet, period=LINE_PERIOD)
-            show = partial(_show, bar, session.mission.goals[-1], time.monotonic())
+            show = partial(show_tick, bar, session.mission.goals[-1], time.monotonic())
             with bar, ended_after(request.limit + PATIENCE):
                 result = session.run(
                     *([] if server is None else [watcher_of(server.observe)]),
@@ -312,7 +313,8 @@ def _prepared(request: RunOptions, mission: str | Destination | None) -> Session
     return session
 
 
-def _show(bar: ProgressBar, goal: Waypoint, began: float, tick: TickView) -> None:
+def show_tick(bar: ProgressBar, goal: Waypoint, began: float, tick: TickView) -> None:
+    """Show where a run is that ``began`` [s, monotonic], and how fast it goes."""
     speed = tick.time / max(time.monotonic() - began, 1e-9)
     bar.show_line(_line(tick, goal, speed, bar.width))
 
@@ -346,18 +348,26 @@ def _write_video(request: RunOptions, folder: Path | None) -> tuple[str, ...]:
     return ()
 
 
-def _live(session: Session, request: RunOptions) -> LiveServer:
-    from navfw.recording.live_server import LiveServer
+def shown_live(session: Session) -> tuple[SeenRun, str]:
+    """What the live server shows of a run, and its page."""
     from navfw.report import live_page
     from navfw.sim.chase_view import ChaseView
 
     title = f"{session.world_name} / {session.mission_name}, seed {session.seed}"
     goals = [(goal.x, goal.y) for goal in session.mission.goals]
     chase = ChaseView(session.world, session.mission.spec.robot, (480, 270)).draw
+    return replace(session.seen, chase=chase), live_page(title, session.seen, goals)
+
+
+def live_server(session: Session, request: RunOptions) -> LiveServer:
+    """The server of ``--live``; its address is printed."""
+    from navfw.recording.live_server import LiveServer
+
+    seen, page = shown_live(session)
     server = LiveServer(
-        replace(session.seen, chase=chase),
+        seen,
         request.port,
-        page=live_page(title, session.seen, goals),
+        page=page,
         origins=tuple(request.origin or ()),
         speed=request.speed,
         wait=request.wait,

@@ -15,6 +15,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from navfw.errors import WorldError
 from navfw.mapping import MapChange
@@ -142,6 +143,34 @@ class RunResult(RunMetrics):
             "exploration": None if self.exploration is None else self.exploration.as_data(),
             "map_changes": [asdict(change) for change in self.map_changes],
         }
+
+    @classmethod
+    def schema(cls) -> dict[str, Any]:
+        """The JSON Schema of ``result.json`` and of ``navfw run --json``.
+
+        A run that goes on, or that was ended from outside, lacks ``command_hash`` and the metrics.
+        """
+        schema = TypeAdapter(cls).json_schema(mode="serialization")
+        known, parts = schema["properties"], schema["$defs"]
+        for name in ("min_clearance_m", "clearance_p05_m"):  # nothing is near: infinite
+            known[name]["type"] = ["number", "null"]
+        event = parts["EventRecord"]["properties"]
+        event = {"event": event["spec"], "began_s": event["began"], "ended_s": event["ended"]}
+        parts["EventRecord"] |= {"properties": event, "required": [*event]}
+        parts["Outcome"]["enum"].append(UNFINISHED)
+        always = ["outcome", "reason", "world", "mission", "seed"]
+        whole = [name for name in known if name not in (*always, "command_hash")]
+        return {
+            "$schema": "https://json-schema.org/draft/2020-12/schema",
+            **schema,
+            "properties": {**known, "run_folder": {"type": ["string", "null"]}},
+            "required": always,
+            "dependentRequired": {"command_hash": whole},
+        }
+
+
+UNFINISHED = "unfinished"
+"""Outcome of a run that goes on, or whose process was killed."""
 
 
 def path_length(points: Array) -> float:

@@ -1,4 +1,4 @@
-"""The files of a run folder: ``result.json``, the picture, and the inputs of a replay.
+"""The files of a run folder: ``result.json``, trajectories, picture, and the inputs of a replay.
 
 The picture has the true path coloured by leading behaviour, with times; and what moved.
 """
@@ -9,6 +9,7 @@ import math
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext, suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,12 +17,23 @@ import numpy as np
 
 from navfw.missions.mission_events import EventRecord
 from navfw.missions.run_drawing import outline_of
+from navfw.missions.run_metrics import SAMPLING, UNFINISHED
 from navfw.missions.session import MissionResult, Session
+from navfw.numerics import Array
 from navfw.process.atomic import writing
 from navfw.process.interruption import deferred, interruptible
 from navfw.recording import palette, plan_picture, top_view
 from navfw.recording.provenance import code_revision, library_versions, machine_kind
-from navfw.recording.run_folder import EXPLORED, MAP, PICTURE, RECORDING, RESULT, RunFolder
+from navfw.recording.run_folder import (
+    ESTIMATED,
+    EXPLORED,
+    MAP,
+    PICTURE,
+    RECORDING,
+    RESULT,
+    TRUTH,
+    RunFolder,
+)
 from navfw.recording.run_observers import RunLog, RunRecorder
 from navfw.topomap.map_formats import save_map
 
@@ -32,10 +44,6 @@ if TYPE_CHECKING:
 def default_folder(session: Session) -> Path:
     """The default run folder: ``runs/<world>-<mission>-<seed>``."""
     return Path("runs") / f"{session.world_name}-{session.mission_name}-{session.seed}"
-
-
-UNFINISHED = "unfinished"
-"""Outcome of a run that goes on, or whose process was killed."""
 
 
 class RecordedFolder:
@@ -95,6 +103,10 @@ def write_run(result: MissionResult, target: RunFolder) -> tuple[str, ...]:
         writers[RECORDING] = result.recorder.save
     if result.exploration is not None:
         writers[EXPLORED] = lambda path: save_map(result.explored_map(EXPLORED), path)
+    log = result.log
+    rows = log.every(SAMPLING)
+    for name, poses in ((ESTIMATED, log.estimate), (TRUTH, log.true)):
+        writers[name] = partial(write_tum, time=log.time[rows], poses=poses[rows])
     writers[PICTURE] = lambda path: draw_trajectory(result, path)
     with deferred():  # a recording without its inputs could not be replayed
         missing = [
@@ -105,6 +117,13 @@ def write_run(result: MissionResult, target: RunFolder) -> tuple[str, ...]:
     if error is not None and (target.path / RECORDING).exists():
         said.append(f"{RECORDING} ends before the run: {error.strerror or error}")
     return tuple(said)
+
+
+def write_tum(path: Path, time: Array, poses: Array) -> None:
+    """Write ``poses`` (n, 3; x, y [m], yaw [rad]) at ``time`` (n,) [s] as a trajectory of TUM."""
+    half, none = 0.5 * poses[:, 2], np.zeros(len(time))
+    rows = np.column_stack([time, poses[:, :2], none, none, none, np.sin(half), np.cos(half)])
+    np.savetxt(path, rows, "%.6f", header="timestamp tx ty tz qx qy qz qw")
 
 
 def _origin(session: Session) -> dict[str, Any]:

@@ -5,6 +5,7 @@ It has no thread of its own: it serves between two control ticks, and while it h
 
 from __future__ import annotations
 
+import asyncio
 import json
 import struct
 import time
@@ -21,6 +22,7 @@ from navfw.signals import Pose, SensorReading, Twist
 with extra_imports("record"):
     from websockets.asyncio.server import ServerConnection, broadcast
     from websockets.exceptions import ConnectionClosed
+    from websockets.frames import CloseCode
     from websockets.typing import Subprotocol
 
     from navfw.recording.run_channels import RunChannels, channel_schema, image_message
@@ -100,16 +102,30 @@ class LiveServer(PageServer):
         speed: float | None = None,
         wait: bool = False,
     ) -> None:
-        self._speed, self._paused, self._wait, self._ended = _checked(speed), False, wait, ""
+        self._speed, self._paused, self._wait = _checked(speed), False, wait
+        self._chase_due = 0.0
+        self._begin(seen)
+        super().__init__(port, page, origins)
+
+    def follow(self, seen: SeenRun, page: str) -> None:
+        """Serve another run at the same address from here on; viewers load its ``page``."""
+        self._begin(seen)
+        self.pages["/"] = page.encode()
+        self._await(self._send_away())
+
+    async def _send_away(self) -> None:
+        clients = self._server.connections
+        await asyncio.gather(*(client.close(CloseCode.SERVICE_RESTART) for client in clients))
+
+    def _begin(self, seen: SeenRun) -> None:
         self._open: dict[str, _LiveChannel] = {}
         self._channels = RunChannels(self._channel, seen)
-        self._seen, self._chase_due = seen, 0.0
+        self._seen, self._ended = seen, ""
         if seen.chase is not None:
             self._channel(topics.CHASE_IMAGE)
         self._time = self._due = 0.0
         self._joined = False
         self._last: tuple[SensorReading, Twist, Pose] | None = None
-        super().__init__(port, page, origins)
 
     def observe(self, reading: SensorReading, twist: Twist, pose: Pose) -> None:
         """Send one control tick: reading, the stack's command, the true pose; hold the run."""
@@ -138,10 +154,14 @@ class LiveServer(PageServer):
             channel.log(image_message(topics.CHASE_IMAGE, image, now, "jpg"), now)
             self._chase_due = begun + (time.monotonic() - begun) / _CHASE_SHARE
 
-    def end(self, message: str = "the run has ended", *, stay: bool = False) -> None:
-        """Tell how the run ended, and end the server; with ``stay`` not before Ctrl-C."""
+    def tell_end(self, message: str) -> None:
+        """Show how the run ended."""
         self._ended = message
         self._tell_state(self._server.connections)
+
+    def end(self, message: str = "the run has ended", *, stay: bool = False) -> None:
+        """Tell how the run ended, and end the server; with ``stay`` not before Ctrl-C."""
+        self.tell_end(message)
         if stay:
             self.stay()
         self.close()

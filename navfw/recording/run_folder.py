@@ -23,6 +23,9 @@ RESULT = "result.json"
 PICTURE = "trajectory.png"
 """The file with the trajectory from above."""
 
+ESTIMATED, TRUTH = "trajectory.tum", "truth.tum"
+"""The estimated and the true poses over time, in ``map``, as TUM's benchmarks have them."""
+
 RECORDING = "run.mcap"
 """The file with the recording of a run."""
 
@@ -42,7 +45,7 @@ _BAGS = {".bag", ".active", ".mcap", ".db3"}
 """Suffixes of bags; ``.bag.active`` is what a recorder that was killed leaves."""
 
 FILES = frozenset(
-    {RESULT, PICTURE, RECORDING, REPORT, LAYOUT, EXPLORED, PLANS}
+    {RESULT, PICTURE, ESTIMATED, TRUTH, RECORDING, REPORT, LAYOUT, EXPLORED, PLANS}
     | {MAP, "stack.yaml", PLAN, "plan.png", f".{RESULT}"},
 )
 """The files of a run folder; a folder with any other file in it is never replaced."""

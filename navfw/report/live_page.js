@@ -178,7 +178,8 @@
     const subscriptions = wanted.map(({id}) => ({id, channelId: id}));
     socket.send(JSON.stringify({op: "subscribe", subscriptions}));
   };
-  socket.onclose = () => showState({...state, speed: state.speed ?? null, ended: state.ended || "the connection is lost"});
+  const restarted = 1012;
+  socket.onclose = ({code}) => code === restarted ? location.reload() : showState({...state, speed: state.speed ?? null, ended: state.ended || "the connection is lost"});
   const command = (change) => socket.send(JSON.stringify({op: "navfw", paused: state.paused, speed: state.speed, ...change}));
   part("pause").onclick = () => command({paused: !state.paused});
   part("speed").onchange = (event) => command({speed: event.target.value ? Number(event.target.value) : null});

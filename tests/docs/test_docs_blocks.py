@@ -213,8 +213,17 @@ SHOWN = {
 """The inner module that an example is about."""
 
 TEMPLATES = ROOT / "navfw" / "scaffold" / "templates"
-NOTEBOOK = json.loads((ROOT / "docs" / "python.ipynb").read_text(encoding="utf-8"))["cells"]
-CELLS = ["".join(cell["source"]) for cell in NOTEBOOK if cell["cell_type"] == "code"]
+
+
+def cells_of(name: str) -> list[str]:
+    """The code of a notebook's cells, without the commands of Jupyter."""
+    cells = json.loads((ROOT / name).read_text(encoding="utf-8"))["cells"]
+    assert [cell for cell in cells if cell.get("outputs")] == [], f"{name}: clear all outputs"
+    code = ("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
+    return [re.sub(r"^%.*", "", text, flags=re.MULTILINE) for text in code]
+
+
+CELLS = cells_of("docs/python.ipynb")
 
 
 def sources() -> Iterator[tuple[str, str]]:
@@ -226,8 +235,9 @@ def sources() -> Iterator[tuple[str, str]]:
         for number, block in enumerate(blocks_of(page)):
             if block.language == "python":
                 yield f"{page.relative_to(ROOT).as_posix()}, block {number}", block.text
-    for cell in CELLS:
-        yield "docs/python.ipynb", cell
+    for name in ("docs/python.ipynb", "examples/first_drive.ipynb"):
+        for cell in cells_of(name):
+            yield name, cell
 
 
 def wrong_imports(text: str) -> Iterator[str]:
@@ -253,7 +263,6 @@ def test_no_inner_module_is_imported() -> None:
 
 
 def test_the_cells_of_the_notebook_run(capsys: pytest.CaptureFixture[str]) -> None:
-    assert [cell for cell in NOTEBOOK if cell.get("outputs")] == [], "clear all outputs"
     names: dict[str, Any] = {}
     plt.switch_backend("agg")
     try:

@@ -184,8 +184,8 @@ def test_a_file_size_limit_costs_the_picture_only(tmp_path: Path) -> None:
     assert ended.stdout.startswith("timeout after")
     assert ended.stderr.splitlines() == [
         "navfw: trajectory.png is missing: File too large",
-        "navfw: saved: foxglove_layout.json, map.yaml, result.json, run.mcap, stack.yaml in"
-        f" {tmp_path / 'o'}",
+        "navfw: saved: foxglove_layout.json, map.yaml, result.json, run.mcap, stack.yaml,"
+        f" trajectory.tum, truth.tum in {tmp_path / 'o'}",
     ]
     assert read_result(tmp_path / "o")["outcome"] == "timeout"
     assert sorted(file.name for file in tmp_path.iterdir()) == ["o"]

@@ -223,6 +223,45 @@ def test_the_wheel_drives_in_an_empty_environment(
     run([str(environment.python), "-m", "pytest", "-q"], tmp_path / "mine", check=True)
 
 
+EXECUTE = """
+import sys, nbformat
+from nbclient import NotebookClient
+book = nbformat.read(sys.argv[1], 4)
+NotebookClient(book, timeout=600, kernel_name="python3").execute()
+print(*(out.get("text", "") for cell in book.cells for out in cell.get("outputs", ())))
+"""
+
+
+@pytest.mark.slow
+def test_the_notebooks_run_without_a_display(dist: Path, tmp_path: Path) -> None:
+    (wheel,) = dist.glob("*.whl")
+    tools = ("nbclient", "nbformat", "ipykernel", "pip")
+    environment = Environment(tmp_path, "3.12", wheel, "sim,record", *tools)
+    variables = {"DISPLAY": None, "NAVFW": f"navfw[sim,record] @ {wheel.as_uri()}"}
+    variables["PATH"] = f"{environment.python.parent}{os.pathsep}{os.environ['PATH']}"
+    for name, said in (
+        ("examples/first_drive.ipynb", "reached: "),
+        ("docs/python.ipynb", "led by "),
+    ):
+        words = [str(environment.python), "-c", EXECUTE, str(ROOT / name)]
+        done = processes.run(words, cwd=tmp_path, env=variables, timeout=900)
+        assert done.returncode == 0, done.stderr[-3000:]
+        assert said in done.stdout
+
+
+@pytest.mark.slow
+def test_builds_of_one_revision_are_equal(dist: Path, tmp_path: Path) -> None:
+    """Built again from a copy in another folder, with other times and permissions."""
+    copy = tmp_path / "copy"
+    ignored = shutil.ignore_patterns(*LOCAL, ".mypy_cache", ".ruff_cache", "generated")
+    shutil.copytree(ROOT, copy, ignore=ignored, copy_function=shutil.copyfile)
+    shutil.copyfile(ROOT / ".gitignore", copy / ".gitignore")
+    out = tmp_path / "dist"
+    run([uv(), "build", "--quiet", "--out-dir", str(out), str(copy)], copy, check=True)
+    for built in (*dist.glob("*.whl"), *dist.glob("*.tar.gz")):
+        assert built.read_bytes() == (out / built.name).read_bytes(), built.name
+
+
 # --- extras --------------------------------------------------------------------------------------
 
 OPTIONAL = """

@@ -327,6 +327,59 @@ def test_in_a_browser_the_own_page_shows_the_run_and_others_read_nothing(tmp_pat
     spy.server_close()
 
 
+@pytest.mark.thorough
+def test_a_page_goes_on_with_the_run_that_follows(tmp_path: Path) -> None:
+    first, second = session(2.0), session(3.0)
+    server = LiveServer(first.seen, 0, page=page_of(first), wait=True)
+
+    def drive() -> None:
+        result = first.run(watcher_of(server.observe))
+        server.tell_end(f"{result.outcome}")
+        server.follow(second.seen, page_of(second).replace("a run", "another run"))
+        second.run(watcher_of(server.observe))
+        server.end("both have ended", stay=True)
+
+    threading.Thread(target=drive, daemon=True).start()
+    with live_browser(tmp_path / "profile") as browser:
+        browser.open(server.url)
+        browser.wait_for("document.title.includes('another run')")
+        browser.wait_for(f"typeof {TEXT.format('state')} === 'string' && {DRAWN}")
+        browser.wait_for(f"{TEXT.format('state')} === 'both have ended'")
+        assert browser.console == []
+
+
+def test_viewers_of_a_run_are_sent_to_the_one_that_follows(idle: Session) -> None:
+    server = LiveServer(idle.seen, 0, page="the first")
+    codes: list[int] = []
+
+    def view() -> None:
+        with connect(address(server), subprotocols=[PAGE]) as connection:
+            with suppress(ConnectionClosed):
+                while True:
+                    connection.recv()
+            codes.append(connection.close_code or 0)
+
+    viewer = threading.Thread(target=view, daemon=True)
+    viewer.start()
+    while not server._server.connections:
+        server.serve(0.01)
+    server.tell_end("reached: there")
+    server.follow(idle.seen, "the second")
+    viewer.join(10)
+    assert codes == [1012]
+    with closing(socket.create_connection(("127.0.0.1", port_of(server)))) as reader:
+        reader.sendall(request(server))
+        server.serve(0.2)
+        assert reader.recv(9999).endswith(b"the second")
+    after = Viewer(address(server))
+    while not server._open[WANTED[0]].has_sinks():
+        server.serve(0.01)
+    server.close()
+    after.thread.join(10)
+    assert set(after.advertised) == set(topics.CHANNELS)
+    assert after.status == ""
+
+
 def test_a_run_that_stays_is_served_until_ctrl_c(tmp_path: Path) -> None:
     with closing(socket.create_server(("127.0.0.1", 0))) as free:
         port = free.getsockname()[1]

@@ -1,0 +1,72 @@
+"""``navfw demo``: five drives, one after the other, on one live page; nothing is written."""
+
+from __future__ import annotations
+
+import time
+from functools import partial
+from typing import Annotated
+
+import typer
+
+from navfw.cli.output import echo, print_table, quiet_stdout
+from navfw.cli.progress_bar import ProgressBar, Quiet
+from navfw.cli.run import LINE_PERIOD, RunOptions, live_server, show_tick, shown_live
+from navfw.cli.warm import compile_with_progress
+from navfw.process.interruption import INTERRUPTED
+
+_SPEED = 1.5
+"""Simulated per wall time, at most: the five drives of 134 s take 90 s, loading the rest."""
+
+DRIVES = (
+    ("paper-room", "into-the-room", "the paper's room: through a door, around a column"),
+    ("lounge", "to-the-hall", "furniture of many shapes"),
+    ("office", "stairs", "stairs that are not on the map"),
+    ("office", "door-closes", "a door that closes in front of the robot"),
+    ("office", "workshop-to-office-a", "a corridor, and a room on its other side"),
+)
+"""World, mission, and what it shows."""
+
+
+def demo(
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port of the page; 0 takes a free one.")
+    ] = 8765,
+    speed: Annotated[
+        float, typer.Option(help="Simulated per wall time, at most; 1 is real time.")
+    ] = _SPEED,
+    quiet: Quiet = False,
+) -> None:
+    """Drive five missions in about two minutes, on one live page. Nothing is written.
+
+    Exit with 1 if the robot does not reach a goal.
+    """
+    rows, server = [], None
+    with quiet_stdout():
+        from navfw.missions.pilot import watcher_of
+        from navfw.missions.session_setup import prepare
+
+        for number, (world, mission, about) in enumerate(DRIVES, 1):
+            session = prepare(world, mission)
+            compile_with_progress(loaded=True, quiet=quiet)
+            if server is None:
+                request = RunOptions(world, mission, port=port, speed=speed, live=True)
+                server = live_server(session, request)
+            else:
+                server.follow(*shown_live(session))
+            echo(f"{number} of {len(DRIVES)}: {about} ({world} {mission})", err=True)
+            with ProgressBar(quiet=quiet, period=LINE_PERIOD) as bar:
+                show = partial(show_tick, bar, session.mission.goals[-1], time.monotonic())
+                result = session.run(watcher_of(server.observe), show)
+            server.tell_end(f"{result.outcome}: {result.reason}")
+            if result.exit_code == INTERRUPTED:
+                raise KeyboardInterrupt
+            driven = f"{result.path_length_m:.1f} m in {result.sim_time_s:.0f} s"
+            row = f"{world} {mission}", about, str(result.outcome), driven
+            rows.append((*row, f"{result.min_clearance_m:.2f} m", result.command_hash[:8]))
+        if server is not None:
+            server.close()
+    columns = ("mission", "what it shows", "outcome", "driven", "clearance", "commands")
+    print_table(columns, rows, "nothing was driven")
+    echo("next: navfw run office lobby-to-lab --record --out lab; navfw explain lab")
+    if any(row[2] != "reached" for row in rows):
+        raise typer.Exit(1)
