@@ -24,9 +24,11 @@ test: | uv
 test-ros: | uv
 	UV_PROJECT_ENVIRONMENT=.venv-ros $(UV) run --group ros pytest $(or $(PYTEST_OPTIONS),tests/ros)
 
-# of the robot's rooms, with a floor (pyproject.toml); tracing doubles the time
+# of the robot's rooms, with a floor (pyproject.toml), and a line for each room; tracing doubles the time
 coverage: | uv
 	$(UV) run pytest -n auto --maxprocesses 4 --dist worksteal --cov -m 'not slow'
+	@mkdir -p dist
+	$(UV) run python tests/helpers/room_coverage.py | tee dist/coverage.txt
 
 check: | uv
 	$(UV) run ruff check

@@ -8,9 +8,10 @@ from typing import Annotated
 
 import typer
 
+from navfw.cli.live import live_server, shown_live
 from navfw.cli.output import echo, print_table, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
-from navfw.cli.run import LINE_PERIOD, RunOptions, live_server, show_tick, shown_live
+from navfw.cli.run import LINE_PERIOD, show_tick
 from navfw.cli.warm import compile_with_progress
 from navfw.process.interruption import INTERRUPTED
 
@@ -49,8 +50,7 @@ def demo(
             session = prepare(world, mission)
             compile_with_progress(loaded=True, quiet=quiet)
             if server is None:
-                request = RunOptions(world, mission, port=port, speed=speed, live=True)
-                server = live_server(session, request)
+                server = live_server(session, port, speed=speed)
             else:
                 server.follow(*shown_live(session))
             echo(f"{number} of {len(DRIVES)}: {about} ({world} {mission})", err=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from navfw.cli import options
+from navfw.cli.live import live_server
 from navfw.cli.output import NOT_SAVED, echo, print_assumed, quiet_stdout, show_result
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.cli.recordings import VIDEO, write_video
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
     from navfw.missions.missionfile import Destination
     from navfw.missions.pilot import TickView
     from navfw.missions.session import MissionResult, Session
-    from navfw.recording.channel_list import SeenRun
     from navfw.recording.live_server import LiveServer
     from navfw.signals import Waypoint
 
@@ -234,7 +234,7 @@ def _drive(
         session = _prepared(request, mission)
         assumed = _assumed(session, quiet=request.quiet)
         compile_with_progress(loaded=True, quiet=request.quiet)
-        server = live_server(session, request) if request.live else None
+        server = _live(session, request) if request.live else None
     target = RunFolder(request.out or default_folder(session), numbered=request.out is None)
     result = None
     try:
@@ -348,37 +348,9 @@ def _write_video(request: RunOptions, folder: Path | None) -> tuple[str, ...]:
     return ()
 
 
-def shown_live(session: Session) -> tuple[SeenRun, str]:
-    """What the live server shows of a run, and its page."""
-    from navfw.report import live_page
-    from navfw.sim.chase_view import ChaseView
-
-    title = f"{session.world_name} / {session.mission_name}, seed {session.seed}"
-    goals = [(goal.x, goal.y) for goal in session.mission.goals]
-    chase = ChaseView(session.world, session.mission.spec.robot, (480, 270)).draw
-    return replace(session.seen, chase=chase), live_page(title, session.seen, goals)
-
-
-def live_server(session: Session, request: RunOptions) -> LiveServer:
-    """The server of ``--live``; its address is printed."""
-    from navfw.recording.live_server import LiveServer
-
-    seen, page = shown_live(session)
-    server = LiveServer(
-        seen,
-        request.port,
-        page=page,
-        origins=tuple(request.origin or ()),
-        speed=request.speed,
-        wait=request.wait,
-    )
-    # printed with --quiet as well: without its token the address is of no use
-    waits = " (the run begins with the first viewer)" if request.wait else ""
-    echo(f"live: {server.url}{waits}", err=True)
-    if request.origin:
-        address = server.url.replace("http", "ws", 1)
-        echo(f"live: {address} for Foxglove and Lichtblick", err=True)
-    return server
+def _live(session: Session, request: RunOptions) -> LiveServer:
+    origins, port = tuple(request.origin or ()), request.port
+    return live_server(session, port, origins, speed=request.speed, wait=request.wait)
 
 
 def _line(tick: TickView, goal: Waypoint, speed: float, width: int) -> str:

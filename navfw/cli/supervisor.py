@@ -37,7 +37,7 @@ _pipe = -1
 
 def supervise(command: Callable[[], object]) -> int:
     """Call ``command`` in a child process; its exit code, or 1 if it ended without a result."""
-    if sys.platform != "linux":
+    if sys.platform != "linux" or not hasattr(os, "fork"):
         command()
         return 0
     sys.stdout.flush()

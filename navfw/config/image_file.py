@@ -115,6 +115,9 @@ def _declared_size(data: bytes, name: str) -> tuple[int, int]:
 def _heard() -> Iterator[list[bytes]]:
     """What native decoders write to stderr inside the block, known at its end; nothing is shown."""
     said: list[bytes] = []
+    if not hasattr(os, "set_blocking"):  # Windows, before Python 3.12
+        yield said
+        return
     ends = outlet, inlet = os.pipe()
     for end in ends:
         os.set_blocking(end, False)  # output beyond the pipe's buffer is dropped

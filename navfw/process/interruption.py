@@ -110,6 +110,25 @@ def set_handlers(handler: _Handler) -> dict[signal.Signals, Any]:
     }
 
 
+@contextmanager
+def interrupt_blocked() -> Iterator[None]:
+    """A process that is started inside does not get Ctrl-C before ``unblock_interrupt``."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows: it may get it until it ignores it
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def unblock_interrupt() -> None:
+    """Let Ctrl-C through in a process that was started with ``interrupt_blocked``."""
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+
+
 def ignore_signals() -> None:
     """Ignore both signals from here on: the command is over, and its exit code is to tell how."""
     set_handlers(signal.SIG_IGN)

@@ -211,14 +211,16 @@ def _wait_for(lock: TargetLock, missing: Sequence[Kernel], show: Report) -> None
 
 
 def _compile_groups(groups: Sequence[Sequence[Kernel]], show: Report) -> None:
-    """Compile ``groups`` in a process for each core, forked, so that they need no imports.
+    """Compile ``groups`` in a process for each core, forked on Linux, so that they need no imports.
 
     If one of the processes dies, the rest is compiled when it is called.
     """
     workers, began = min(usable_cores(), len(groups)), time.monotonic()
     kernels = [kernel for group in groups for kernel in group]
-    context = multiprocessing.get_context("fork")
-    with ProcessPoolExecutor(workers, context, _begin_worker, (groups,)) as pool:
+    forked = sys.platform == "linux" and hasattr(os, "fork")
+    context = multiprocessing.get_context("fork" if forked else "spawn")
+    known = groups if forked else [[kernel.name for kernel in group] for group in groups]
+    with ProcessPoolExecutor(workers, context, _begin_worker, (known,)) as pool:
         unfinished = set()
         try:
             with contextlib.suppress(BrokenProcessPool):
@@ -239,9 +241,12 @@ def _compile_groups(groups: Sequence[Sequence[Kernel]], show: Report) -> None:
 _groups: Sequence[Sequence[Kernel]] = ()
 
 
-def _begin_worker(groups: Sequence[Sequence[Kernel]]) -> None:
-    global _groups  # noqa: PLW0603 - numba's functions are inherited, as they cannot be sent
-    _groups = groups
+def _begin_worker(groups: Sequence[Sequence[Kernel | str]]) -> None:
+    """Keep the groups: of kernels that are inherited, or of their names, as none can be sent."""
+    global _groups  # noqa: PLW0603 - a process has one list
+    named = any(isinstance(kernel, str) for group in groups for kernel in group)
+    by_name = {kernel.name: kernel for kernel in listed_kernels()} if named else {}
+    _groups = [[by_name[k] if isinstance(k, str) else k for k in group] for group in groups]
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends it to all: the parent decides
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     threading.Thread(target=_end_with_parent, daemon=True).start()

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import math
 import os
-import resource
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,10 +21,15 @@ def peak_memory_mb() -> float:
     """The largest resident memory [MB] of this process since its start.
 
     On Linux by ``VmHWM``: ``ru_maxrss`` of a process counts what its parent had when it started it.
+    NaN where the system does not say, as on Windows.
     """
     try:
         text = Path("/proc/self/status").read_text(encoding="utf-8")
     except OSError:  # another system
+        try:
+            import resource
+        except ImportError:
+            return math.nan
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         return peak / (1e6 if sys.platform == "darwin" else 1e3)
     line = next(line for line in text.splitlines() if line.startswith("VmHWM:"))
@@ -52,5 +57,5 @@ def return_freed_memory() -> None:
 
     The library keeps it otherwise, in pieces that the next run does not fit into.
     """
-    with contextlib.suppress(AttributeError, OSError):
+    with contextlib.suppress(AttributeError, OSError, TypeError):
         ctypes.CDLL(None).malloc_trim(0)

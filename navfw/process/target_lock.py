@@ -3,21 +3,27 @@
 A process that writes ``NAME`` holds a lock (flock) on the file ``.NAME.navfw-lock`` beside it. The
 unfinished content is in ``.NAME.navfw-part``, content that is being replaced in
 ``.NAME.navfw-old``. The system releases the lock when the process ends, however it ends: whoever
-gets it next removes what lies beside.
+gets it next removes what lies beside. Without flock, the lock is that of SQLite on the file.
 """
 
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import itertools
 import os
 import shutil
+import sqlite3
 import time
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 from navfw.errors import InputError
+
+fcntl: Any
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None
 
 PATIENCE = 0.25
 """Time [s] to wait for a lock: ``sweep`` of another process holds locks for a moment."""
@@ -48,7 +54,7 @@ class TargetLock:
             target.with_name(f".{target.name}.navfw-{word}") for word in ("lock", "part", "old")
         )
         self.unfinished = target.with_name(f"{target.name}-unfinished")
-        self._handle: int | None = None
+        self._handle: int | sqlite3.Connection | None = None
 
     def __enter__(self) -> Self:
         self.acquire()
@@ -75,20 +81,36 @@ class TargetLock:
 
     def release(self) -> None:
         """Remove the lock file and release the lock."""
-        if self._handle is not None:
+        handle, self._handle = self._handle, None
+        if isinstance(handle, int):
             with contextlib.suppress(OSError):
                 self.file.unlink()
-            os.close(self._handle)
-            self._handle = None
+            os.close(handle)
+        elif handle is not None:
+            handle.close()
+            with contextlib.suppress(OSError):  # Windows: another process waits for it
+                self.file.unlink()
 
-    def _locked(self) -> int | None:
-        """The handle of the lock file, locked; None if it is in use, or was just removed."""
-        handle = os.open(self.file, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
+    def _locked(self) -> int | sqlite3.Connection | None:
+        """The lock file, locked; None if it is in use, or was just removed."""
+        handle = os.open(self.file, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o600)
+        if fcntl is None:
+            os.close(handle)
+            return self._locked_database()
         with contextlib.suppress(BlockingIOError):
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if os.fstat(handle).st_nlink:
                 return handle
         os.close(handle)
+        return None
+
+    def _locked_database(self) -> sqlite3.Connection | None:
+        """The lock file as an empty database, locked; None if it is in use."""
+        database = sqlite3.connect(self.file, 0.0, isolation_level=None, check_same_thread=False)
+        with contextlib.suppress(sqlite3.OperationalError):
+            database.execute("BEGIN EXCLUSIVE")
+            return database
+        database.close()
         return None
 
 

@@ -7,6 +7,7 @@ limit is far above the run time of any correct plugin, and a plugin that exceeds
 from __future__ import annotations
 
 import _signal  # type: ignore[import-not-found]
+import _thread
 import math
 import signal
 import sys
@@ -21,6 +22,9 @@ PERIOD = 0.25
 MAX_GAP = 1.0
 """Longest wall time [s] between two looks that counts: in a longer one the process, or the whole
 machine, was stopped (Ctrl-Z, suspended)."""
+
+_ALARM = next(n for n in ("SIGALRM", "SIGBREAK", "SIGUSR1") if hasattr(signal, n))
+"""The signal of the timer: SIGALRM, or where there is none, one that a thread simulates."""
 
 
 class PluginTimeout(BaseException):
@@ -69,6 +73,10 @@ class Watchdog:
     @contextmanager
     def _alarm(self) -> Iterator[None]:
         """The interval timer and its handler."""
+        if _ALARM != "SIGALRM":
+            with self._simulated_alarm():
+                yield
+            return
         left, interval = signal.setitimer(signal.ITIMER_REAL, 0.0)
         began = time.monotonic()
         # ``signal.signal`` looks handlers up in an enumeration, which takes ten times all else here
@@ -83,6 +91,25 @@ class Watchdog:
             if left:
                 left = max(left - (time.monotonic() - began), 1e-3)
                 signal.setitimer(signal.ITIMER_REAL, left, interval)
+
+    @contextmanager
+    def _simulated_alarm(self) -> Iterator[None]:
+        """The same by a thread, where the system has no interval timer."""
+        number, ended = getattr(signal, _ALARM), threading.Event()
+
+        def ring() -> None:
+            while not ended.wait(PERIOD):
+                _thread.interrupt_main(number)  # calls the handler in the main thread
+
+        handler = _signal.signal(number, self._ring)
+        thread = threading.Thread(target=ring, daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            thread.join()
+            _signal.signal(number, handler)
 
     def _ring(self, number: int, frame: object) -> None:
         del number, frame

@@ -11,7 +11,6 @@ import ast
 import contextlib
 import json
 import re
-import resource
 import subprocess
 import sys
 from io import StringIO
@@ -144,7 +143,10 @@ def _expanded(path: str, args: dict[str, str], packages: list[str]) -> dict[str,
 
 def main() -> None:
     """Expand the file named by the first argument; then its arguments, folders with packages."""
-    resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
+    with contextlib.suppress(ImportError):  # Windows: the time alone is bounded
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
     with contextlib.redirect_stdout(sys.stderr):
         answer = _expanded(sys.argv[1], json.loads(sys.argv[2]), sys.argv[3:])
     sys.stdout.write(json.dumps(answer))

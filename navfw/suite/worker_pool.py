@@ -20,11 +20,17 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from multiprocessing import connection, resource_tracker
+from pathlib import Path
 from typing import Any, Generic, Self, TypeVar
 
 from navfw.errors import SimulationError
 from navfw.missions.outcome import Cause
-from navfw.process.interruption import check_interrupted, interruptible
+from navfw.process.interruption import (
+    check_interrupted,
+    interrupt_blocked,
+    interruptible,
+    unblock_interrupt,
+)
 from navfw.process.last_trace import dump_trace, ended_after, keep_trace, last_call
 from navfw.process.process_resources import peak_memory_mb
 
@@ -176,15 +182,15 @@ class _Worker:
         self.pipe, theirs = context.Pipe()
         self.limit, self.memory = limit, memory
         self.jobs, self.began = 0, 0.0
-        self.trace = tempfile.NamedTemporaryFile("r", errors="replace", prefix="navfw-trace-")  # noqa: SIM115
-        arguments = (theirs, stop, work, limit, memory, self.trace.name)
+        # by name, as Windows opens no NamedTemporaryFile twice
+        handle, self._file = tempfile.mkstemp(prefix="navfw-trace-")
+        self.trace = os.fdopen(handle, encoding="utf-8", errors="replace")
+        arguments = (theirs, stop, work, limit, memory, self._file)
         self.process = context.Process(target=_serve, args=arguments)
-        # the process inherits the blocked signal, until it ignores Ctrl-C
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
-            self.process.start()
+            with interrupt_blocked():  # until it ignores Ctrl-C
+                self.process.start()
         finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
             theirs.close()
 
     def begin(self, job: object) -> bool:
@@ -218,6 +224,7 @@ class _Worker:
         self.process.join()
         self.process.close()
         self.trace.close()
+        Path(self._file).unlink()
 
 
 @contextlib.contextmanager
@@ -249,7 +256,7 @@ def _serve(
     _stop = stop
     keep_trace(open(trace, "w", encoding="utf-8"))  # noqa: SIM115, PTH123 - for all of its life
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    unblock_interrupt()
     threading.Thread(target=_watch, args=(memory,), daemon=True).start()
     with contextlib.suppress(EOFError, OSError):  # the pool is closed, or its process has ended
         while True:

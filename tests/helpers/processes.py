@@ -1,11 +1,14 @@
 """Processes that tests start and wait for, with what they print as text."""
 
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+import pytest
 
 Done = subprocess.CompletedProcess[str]
 
@@ -44,3 +47,12 @@ def python(code: str, *words: object, **options: Any) -> Done:
 def printed(code: str, *words: object, **options: Any) -> str:
     """What ``code`` prints in a process of its own, without the space around; it must succeed."""
     return python(code, *words, check=True, **options).stdout.strip()
+
+
+def uv() -> str:
+    """The uv that runs these tests, or any other."""
+    local = Path(__file__).parents[2] / ".tools" / "uv" / "bin" / "uv"
+    found = os.environ.get("UV") or shutil.which("uv")
+    if found is None and not local.is_file():
+        pytest.skip("needs uv")
+    return found or str(local)

@@ -16,7 +16,7 @@ from typing import Any
 import processes
 import pytest
 from cli_calls import put_file
-from processes import Done, python
+from processes import Done, python, uv
 
 from navfw.config.extras import extra_imports, require_extra
 from navfw.errors import MissingExtraError
@@ -25,15 +25,6 @@ ROOT = Path(__file__).parents[2]
 PYTHONS = ("3.11", "3.12", "3.13")
 SHIPPED = {"behaviors": ("*.py", "*.yaml"), "maps": ("*.yaml",), "worlds": ("*.yaml",)}
 LOCAL = {".git", ".venv", ".tools", "runs", "dist", "uv.lock", "__pycache__"}
-
-
-def uv() -> str:
-    """The uv that runs these tests, or any other."""
-    found = os.environ.get("UV") or shutil.which("uv")
-    local = ROOT / ".tools" / "uv" / "bin" / "uv"
-    if found is None and not local.is_file():
-        pytest.skip("needs uv")
-    return found or str(local)
 
 
 @pytest.fixture(scope="module")
