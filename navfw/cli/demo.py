@@ -19,7 +19,7 @@ _SPEED = 1.5
 """Simulated per wall time, at most: the five drives of 134 s take 90 s, loading the rest."""
 
 DRIVES = (
-    ("paper-room", "into-the-room", "the paper's room: through a door, around a column"),
+    ("paper-room", "into-the-room", "through a door, around a column"),
     ("lounge", "to-the-hall", "furniture of many shapes"),
     ("office", "stairs", "stairs that are not on the map"),
     ("office", "door-closes", "a door that closes in front of the robot"),
@@ -60,13 +60,14 @@ def demo(
             server.tell_end(f"{result.outcome}: {result.reason}")
             if result.exit_code == INTERRUPTED:
                 raise KeyboardInterrupt
-            driven = f"{result.path_length_m:.1f} m in {result.sim_time_s:.0f} s"
-            row = f"{world} {mission}", about, str(result.outcome), driven
-            rows.append((*row, f"{result.min_clearance_m:.2f} m", result.command_hash[:8]))
+            measured = result.path_length_m, result.sim_time_s, result.min_clearance_m
+            row = f"{world} {mission}", about, str(result.outcome)
+            rows.append((*row, *(f"{value:.2f}" for value in measured), result.command_hash[:8]))
         if server is not None:
             server.close()
-    columns = ("mission", "what it shows", "outcome", "driven", "clearance", "commands")
+    columns = ("mission", "what it shows", "outcome", "path", "time", "clearance", "commands")
     print_table(columns, rows, "nothing was driven")
+    echo("path and clearance [m], time [s]")
     echo("next: navfw run office lobby-to-lab --record --out lab; navfw explain lab")
     if any(row[2] != "reached" for row in rows):
         raise typer.Exit(1)

@@ -108,6 +108,7 @@ class TargetLock:
         """The lock file as an empty database, locked; None if it is in use."""
         database = sqlite3.connect(self.file, 0.0, isolation_level=None, check_same_thread=False)
         with contextlib.suppress(sqlite3.OperationalError):
+            database.execute("PRAGMA journal_mode = OFF")  # no second file beside it
             database.execute("BEGIN EXCLUSIVE")
             return database
         database.close()

@@ -25,7 +25,7 @@ def test_the_demo_drives_on_one_page_and_says_how_it_went(
     expected = navfw.run("empty", "straight")
     rows = [line for line in ended.stdout.splitlines() if "empty straight" in line]
     assert len(rows) == 2
-    for part in ("reached", f"{expected.path_length_m:.1f} m", expected.command_hash[:8]):
+    for part in ("reached", f"{expected.path_length_m:.2f}", expected.command_hash[:8]):
         assert all(part in row for row in rows)
     assert list(tmp_path.iterdir()) == []
 

@@ -160,6 +160,7 @@ def test_a_target_is_locked_until_its_process_dies(
         assert holder.stdout is not None
         assert holder.stdout.readline() == "held\n"
         assert taken() == "in use"
+        assert [path.name for path in tmp_path.iterdir()] == [".run.navfw-lock"]
         holder.kill()
     assert taken() == "free"
     assert list(tmp_path.iterdir()) == []
