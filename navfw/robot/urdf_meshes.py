@@ -39,8 +39,8 @@ def _mesh_path(model: UrdfModel, name: str) -> Path | None:
         return model.file.parent / name.removeprefix(_FILE)
     package, _, rest = name.removeprefix(_PACKAGE).partition("/")
     folders = package_folders(package, package_roots(model.file, model.packages))
-    there = [folder / rest for folder in folders if is_folder(folder)]
-    return next((path for path in there if is_file(path)), there[0] if there else None)
+    paths = [folder / rest for folder in folders if is_folder(folder)]
+    return next((path for path in paths if is_file(path)), paths[0] if paths else None)
 
 
 def check_meshes(model: UrdfModel) -> None:

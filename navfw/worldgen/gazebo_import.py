@@ -95,7 +95,7 @@ Start = tuple[float, float, float]
 
 _BORDER = 3.0
 """Width of the floor around all solids, start and goal [m]."""
-_MOST = 20
+_MAX_LISTED = 20
 """Number of unsupported elements that are listed."""
 _MAX_STEP = 0.3
 """Greatest height [m] of a slab that is a floor."""
@@ -167,9 +167,9 @@ def import_world(
 
 def _unsupported(path: Path, content: SdfWorld) -> InputError:
     """The error that lists the unsupported elements, and says where files were looked up."""
-    lines = content.unsupported[:_MOST]
-    if len(content.unsupported) > _MOST:
-        lines.append(f"{len(content.unsupported) - _MOST} more")
+    lines = content.unsupported[:_MAX_LISTED]
+    if len(content.unsupported) > _MAX_LISTED:
+        lines.append(f"{len(content.unsupported) - _MAX_LISTED} more")
     what = "\n  ".join(("has unsupported elements:", *lines))
     if any("not found" in line for line in lines):
         what += (

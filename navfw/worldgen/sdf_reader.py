@@ -145,15 +145,15 @@ class _SdfReader:
             self._file = files[-1]
             uri = " ".join((child.findtext("uri") or "").split())
             ground = _GROUND.fullmatch(uri)
-            found = None if ground else self._files.find_model(uri, files[-1])
+            inner = None if ground else self._files.find_model(uri, files[-1])
             if ground and "sun" not in ground[1].lower():
                 self._assume("the floor, at z = 0", "it is the included one", "ground plane")
-            elif found in files:
+            elif inner in files:
                 what = f"the model {uri!r} includes itself"
                 raise ConfigError(what, file=shown_path(files[-1]), line=line_of(child))
-            elif found is not None:
-                element[index] = included_model(child, files[-1], found)
-                self._include(element[index], (*files, found))
+            elif inner is not None:
+                element[index] = included_model(child, files[-1], inner)
+                self._include(element[index], (*files, inner))
             elif not ground:
                 self._unsupported(child, f"the included model {uri!r}: not found")
         self._file = self.path
