@@ -11,6 +11,7 @@ import pytest
 
 import navfw
 from navfw.recording import ros_message
+from navfw.ros.connection import Quality
 from navfw.topomap import load_map
 
 pytest.importorskip("rclpy", reason="needs the group ros: make test-ros")
@@ -203,6 +204,47 @@ def test_services_and_a_lifecycle_manager_hold_the_robot(
         listener.spin_until(lambda: listener.speed > 0.1, 10.0)
         assert "dropped" in call(listener, Trigger, "cancel", Trigger.Request()).message
         stands()
+
+
+def test_senses_beside_any_driver_of_a_robot_without_a_mission(
+    tmp_path: Path, listener: Listener
+) -> None:
+    heard, images = list[Any](), dict[str, int]()
+    qualities: tuple[Quality, ...] = ("reliable", "sensor")
+    steer = listener.node.publisher("robot/cmd_vel", "geometry_msgs/msg/TwistStamped")
+    listener.node.subscribe("robot/navfw/scan", "sensor_msgs/msg/LaserScan", heard.append)
+    for quality in qualities:
+
+        def count(_: Any, quality: str = quality) -> None:
+            images[quality] = images.get(quality, 0) + 1
+
+        listener.node.subscribe("robot/image", "sensor_msgs/msg/Image", count, quality)
+    at, ahead = {"frame_id": "base_link"}, {"linear": {"x": 0.3}}
+    command = ros_message("geometry_msgs/msg/TwistStamped", {"header": at, "twist": ahead})
+
+    def seen() -> bool:
+        steer(command)
+        listener.node.spin_for(0.05)
+        return len(heard) > 20 and bool(np.isfinite(heard[-1].ranges).any())
+
+    own = "--namespace", "robot"
+    with ExitStack() as processes:
+        sensing = processes.enter_context(started(tmp_path, "sense", *own, *SIM_TIME))
+        slow = "sim", "paper-room", "--start", "0.9,0.9,0.3", "--pace", "0.7"
+        robot = processes.enter_context(started(tmp_path, *slow, *own))
+        wait_until(seen, 200.0, lambda _: None)
+        assert heard[-1].header.frame_id == "base_link"
+        assert set(images) == {"reliable", "sensor"}
+        assert "navfw/status" not in dict(listener.node._node.get_topic_names_and_types())
+        client = listener.node._node.create_client(Trigger, "/robot/navfw_sim/reset")
+        listener.spin_until(client.service_is_ready)
+        before, answer = heard[-1].header.stamp.sec, client.call_async(Trigger.Request())
+        listener.spin_until(answer.done)
+        listener.spin_until(lambda: heard[-1].header.stamp.sec < before)
+        for process in (sensing, robot):
+            process.send_signal(signal.SIGTERM)
+            assert process.wait(20.0) == 0, said(tmp_path, "sense")
+    assert "silent" not in said(tmp_path, "sense")
 
 
 def test_goals_of_an_action_succeed_fail_and_are_cancelled(listener: Listener) -> None:
