@@ -19,7 +19,7 @@ from navfw.recording.ros_messages import command_message, twist_fields
 from navfw.ros.connection import Quality, RosNode
 from navfw.ros.drive_outputs import DriveOutputs, text_message
 from navfw.ros.map_keeper import NAME_PLACE, MapKeeper
-from navfw.ros.sensor_inputs import TOLERANCE, SensorInputs, goal_at
+from navfw.ros.sensor_inputs import SensorInputs, goal_at, posed_goal
 from navfw.signals import Pose, SensorReading, Twist, Waypoint
 from navfw.stack import Stack, halt
 from navfw.stack.sensing_stack import SensingStack
@@ -184,12 +184,11 @@ class DriveNode:
 
     def _take_goal(self, message: Any) -> bool:
         """Go where a ``PoseStamped`` is, in ``map``; whether that is possible."""
-        if message.header.frame_id.lstrip("/") != "map":
-            what = f"{message.header.frame_id!r:.40}, expected 'map'"
-            self._node.note(f"a goal on goal_pose is left out: its frame is {what}")
+        try:
+            return self._go_to(posed_goal(self._stack.topo_map, message))
+        except InputError as error:
+            self._node.note(f"a goal on goal_pose is left out: {error}")
             return False
-        place = message.pose.position
-        return self._go_to(Waypoint.goal(place.x, place.y, TOLERANCE))
 
     def _take_place(self, message: Any) -> None:
         try:
@@ -199,8 +198,6 @@ class DriveNode:
 
     def _go_to(self, goal: Waypoint) -> bool:
         try:
-            if not (math.isfinite(goal.x) and math.isfinite(goal.y)):
-                raise InputError("its position is not a number")
             self._stack.planner.start(self._stack.topo_map, [goal])
         except Exception as error:  # a planner may be a plugin
             self._node.note(f"a goal is left out: {error}")

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from navfw.errors import ConfigError
+from navfw.errors import ConfigError, InputError
 from navfw.numerics import Array, Image
 from navfw.recording import planar_pose, ros_image, turn_rates
 from navfw.recording.ros_messages import wheel_joints
@@ -22,6 +22,7 @@ from navfw.recording.static_frames import BASES, StaticFrames
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Encoders, Frame, Inertial, SensorReading, Waypoint
 from navfw.topomap import TopoMap
+from navfw.topomap.occupancy_map import FREE
 
 TOLERANCE = 0.3
 """Distance [m] at which a goal that was sent is reached."""
@@ -303,3 +304,21 @@ def goal_at(topo_map: TopoMap, name: str, tolerance: float = TOLERANCE) -> Waypo
     """
     place = topo_map.place(name)
     return Waypoint.goal(place.x, place.y, tolerance, name)
+
+
+def posed_goal(topo_map: TopoMap, message: Any) -> Waypoint:
+    """The position of a ``PoseStamped`` in ``map``, as a goal.
+
+    Raises:
+        InputError: it is in another frame, no number, or not free floor of the map's plan.
+
+    """
+    frame, place = message.header.frame_id, message.pose.position
+    if frame.lstrip("/") != "map":
+        raise InputError(f"its frame is {frame!r:.40}, expected 'map'")
+    if not (math.isfinite(place.x) and math.isfinite(place.y)):
+        raise InputError("its position is not a number")
+    plan = topo_map.floor_plan
+    if plan is not None and plan.state(np.array([[place.x, place.y]]))[0] != FREE:
+        raise InputError(f"({place.x:.2f}, {place.y:.2f}) is not free floor of {topo_map.name}")
+    return Waypoint.goal(place.x, place.y, TOLERANCE)

@@ -9,11 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from navfw.errors import InputError
 from navfw.recording import deserialize_cdr, odometry_message, ros_message
 from navfw.recording.ros_messages import image_message, imu_message, joints_message
 from navfw.robot import RobotModel
-from navfw.ros.sensor_inputs import SensorInputs
+from navfw.ros.sensor_inputs import SensorInputs, posed_goal
 from navfw.signals import Encoders, Inertial, Odometry, Pose, SensorReading, Twist
+from navfw.topomap import load_map
 
 ROBOT = RobotModel()
 CAMERA = ROBOT.camera
@@ -273,3 +275,17 @@ def test_an_imu_that_no_transform_leads_to_is_said(links: Any) -> None:
     inputs.imu("imu", rates_from("imu_link"), 1.0)
     assert newest(inputs, 0.0).inertial.yaw_rate == 0.3
     assert any("no transform from 'imu_link' to base_link" in note for note in notes)
+
+
+@pytest.mark.parametrize(
+    ("frame", "x", "why"),
+    [("moon", 1.2, "its frame"), ("map", math.nan, "not a number"), ("map", 300.0, "free floor")],
+)
+def test_goals_off_the_map_are_refused(frame: str, x: float, why: str) -> None:
+    kind, office = "geometry_msgs/msg/PoseStamped", load_map("office")
+    there = {"header": {"frame_id": frame}, "pose": {"position": {"x": x, "y": 1.2}}}
+    with pytest.raises(InputError, match=why):
+        posed_goal(office, deserialize_cdr(ros_message(kind, there), kind))
+    there = {"header": {"frame_id": "map"}, "pose": {"position": {"x": 1.2, "y": 1.2}}}
+    goal = posed_goal(office, deserialize_cdr(ros_message(kind, there), kind))
+    assert (goal.x, goal.y) == (1.2, 1.2)
