@@ -113,8 +113,7 @@ class _Feature:
 
         Without ``properties.id`` it is the feature's own; tools write integers as 1.0 or "1", too.
         """
-        properties = self.data.get("properties")
-        value = properties.get(key) if isinstance(properties, dict) else None
+        value = self.properties.get(key)
         value = self.data.get(key) if value is None else value
         if isinstance(value, int | float | str) and re.fullmatch(r"\d{1,18}(\.0)?", str(value)):
             return int(float(value))
@@ -122,8 +121,13 @@ class _Feature:
         raise self.error(f"properties.{key}", f"expected the id, an integer: {got}")
 
     @property
+    def properties(self) -> dict[str, Any]:
+        properties = self.data.get("properties")
+        return properties if isinstance(properties, dict) else {}
+
+    @property
     def metadata(self) -> dict[str, Any]:
-        metadata = (self.data.get("properties") or {}).get("metadata")
+        metadata = self.properties.get("metadata")
         return metadata if isinstance(metadata, dict) else {}
 
     @property
@@ -199,7 +203,7 @@ def read_geojson(text: str, file: str, both_ways: bool) -> TopoMap:
 
 def _frame_of(nodes: list[_Feature], crs: str, file: str, line: int) -> LocalFrame:
     """The frame of the nodes; those that name a frame, as Nav2's and navfw's, are in metres."""
-    framed = any("frame" in (node.data.get("properties") or {}) for node in nodes)
+    framed = any("frame" in node.properties for node in nodes)
     try:
         return local_frame([node.point for node in nodes], crs, metric=framed)
     except ValueError as error:

@@ -141,6 +141,7 @@ def test_geojson_has_what_nav2_requires(tmp_path: Path) -> None:
     ("index", "path", "value", "words"),
     [
         (1, ("properties", "id"), None, ["features[1].properties.id", "missing"]),
+        (1, ("properties",), 5, ["features[1].properties.id", "missing"]),
         (1, ("properties", "id"), "one", ["features[1].properties.id", "'one'"]),
         (1, ("properties", "id"), 0, ["features[1].properties.id", "second node with the id 0"]),
         (2, ("properties", "startid"), None, ["features[2].properties.startid", "missing"]),
@@ -153,10 +154,13 @@ def test_geojson_has_what_nav2_requires(tmp_path: Path) -> None:
     ],
 )
 def test_errors_in_geojson_name_their_line(
-    tmp_path: Path, index: int, path: tuple[str, str], value: Any, words: list[str]
+    tmp_path: Path, index: int, path: tuple[str, ...], value: Any, words: list[str]
 ) -> None:
     data = nav2_graph()
-    data["features"][index][path[0]][path[1]] = value
+    part = data["features"][index]
+    for key in path[:-1]:
+        part = part[key]
+    part[path[-1]] = value
     file = write(tmp_path / "graph.geojson", data)
     opening = [n for n, row in enumerate(file.read_text().splitlines(), 1) if row == "  {"]
     one_way = "leads only" in words[0]
