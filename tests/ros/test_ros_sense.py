@@ -3,10 +3,12 @@
 import json
 import math
 from collections import defaultdict
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 import pytest
+import yaml
 from ros_graph import Graph, GraphNode
 
 from navfw.missions import prepare
@@ -169,3 +171,27 @@ def test_a_robot_that_has_not_moved_claims_nothing(monkeypatch: pytest.MonkeyPat
     for scan in drive.heard["navfw/scan"]:
         assert np.isnan(scan.ranges).all()
     assert drive.heard["navfw/time_to_contact"][-1].data == math.inf
+
+
+def test_the_examples_name_topics_that_there_are() -> None:
+    folder = Path(__file__).parents[2] / "examples" / "ros"
+    text = (folder / "README.md").read_text(encoding="utf-8")
+    rows = [
+        f"| `{name}` | `{kind.split('/')[-1]}` | {what} |" for name, (kind, what) in TOPICS.items()
+    ]
+    assert "\n".join(rows) in text
+    package = (folder / "package.xml").read_text(encoding="utf-8")
+    assert [f"<name>{marker.name}</name>" in package for marker in folder.glob("resource/*")] == [
+        True
+    ]
+    costmap = yaml.safe_load((folder / "nav2_costmap.yaml").read_text(encoding="utf-8"))
+    layer = costmap["local_costmap"]["local_costmap"]["ros__parameters"]["obstacle_layer"]
+    slam = yaml.safe_load((folder / "slam_toolbox.yaml").read_text(encoding="utf-8"))
+    scan = slam["slam_toolbox"]["ros__parameters"]
+    assert scan["max_laser_range"] == layer["free"]["raytrace_max_range"] == MAX_RANGE
+    sources = [layer[name] for name in layer["observation_sources"].split()]
+    for source in sources:
+        kind = TOPICS[source["topic"].lstrip("/")][0]
+        assert kind.endswith(source["data_type"])
+        assert source["marking"] != source["clearing"]
+    assert TOPICS[scan["scan_topic"].lstrip("/")][0].endswith("LaserScan")
