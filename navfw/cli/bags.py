@@ -29,9 +29,8 @@ def export(
 
 def replay_bag(
     path: Path,
-    of_bag: tuple[str | None, str | None],
-    robot: str | None,
-    stack: str,
+    of_bag: tuple[str | None, str | None, str | None],
+    stack: str | None,
     on_map: tuple[str | None, list[str] | None, str | None],
     out: Path | None,
     *,
@@ -40,21 +39,20 @@ def replay_bag(
 ) -> Path:
     """Replay a bag and print the result.
 
-    ``of_bag`` are the topic of images and the gyro's axes, ``on_map`` the map's name, goals and
-    start. Returns the run folder.
+    ``of_bag`` are the topic of images, the gyro's axes and the robot, ``on_map`` the map's name,
+    goals and start. Returns the run folder.
     """
     name, goals, start = on_map
     with ProgressBar("replay", "ticks", quiet=quiet) as bar, quiet_stdout():
         from navfw.recording import Bag, RunFolder
-        from navfw.recording.static_frames import axes_of
         from navfw.robot.robotfile import load_robot
         from navfw.ros import BagReplay, driven_map
         from navfw.signals import Pose
         from navfw.topomap import load_map
 
         target = RunFolder(out or Path("runs") / f"{path.stem}-replay", numbered=out is None)
-        topic, axes = of_bag
-        bag = Bag(path, topic, None if axes is None else axes_of(axes))
+        *about, robot = of_bag
+        bag = Bag(path, *about)
         topo_map = driven_map(bag) if name is None else load_map(name)
         if name is not None and not goals:
             places = ", ".join(topo_map.places)
@@ -63,7 +61,7 @@ def replay_bag(
         places_to = (goals if name else None) or list(topo_map.places)[1:]
         begin, model = None if at is None else Pose(*at), load_robot(robot or "default")
         with target:
-            replay = BagReplay(bag, model, topo_map, begin, places_to, stack)
+            replay = BagReplay(bag, model, topo_map, begin, places_to, stack or "default")
             result = replay.run(target, bar.update)
     final = target.final or target.target
     lines = [f"replayed {result['sim_time_s']:.1f} s at {result['real_time_factor']:.1f} x"]

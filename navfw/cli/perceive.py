@@ -145,10 +145,6 @@ class PerceiveOptions:
 @from_options
 def perceive(options: PerceiveOptions) -> None:
     """Run perception on recorded images. Lists obstacles, distances and the situation."""
-    with quiet_stdout():
-        from navfw.perceive.image_sources import require_files
-
-        require_files(options.source)
     if len(options.source) > 1 or not is_bag(options.source[0]):
         if options.topic is not None:
             raise InputError("is for a bag", key="--topic")
@@ -159,7 +155,7 @@ def perceive(options: PerceiveOptions) -> None:
             from navfw.perceive.bag_source import unpacked_bag
             from navfw.recording.bag_reader import Bag
 
-            bag = Bag(options.source[0], options.topic, _axes(options))
+            bag = Bag(options.source[0], options.topic, options.imu_axes)
             pitch = math.radians(options.pitch or 0.0)
             tables: dict[str, Any] = dict(stack.enter_context(unpacked_bag(bag, pitch)))
         values = {field.name: getattr(options, field.name) for field in fields(options)}
@@ -175,19 +171,12 @@ def perceive(options: PerceiveOptions) -> None:
         echo(f"note: {note}", err=True)
 
 
-def _axes(given: PerceiveOptions) -> Array | None:
-    from navfw.recording.static_frames import axes_of
-
-    return None if given.imu_axes is None else axes_of(given.imu_axes)
-
-
 def _perceive(given: PerceiveOptions, bag: Bag | None = None, own: Collection[str] = ()) -> None:
     """Run perception on the sources that are ``given``, or on what a ``bag`` was unpacked to.
 
     ``own`` are the options whose files are the bag's own.
     """
     with quiet_stdout():
-        from navfw.perceive.gyro_axes import compared
         from navfw.perceive.image_sources import open_source
         from navfw.perceive.image_times import load_image_times
         from navfw.perceive.pair_result import as_data
@@ -203,7 +192,7 @@ def _perceive(given: PerceiveOptions, bag: Bag | None = None, own: Collection[st
         )
         listed = None if given.times is None else load_image_times(given.times)
         opened = partial(open_source, given.source, given.fps, listed=listed)
-        axes = None if {"gyro", "poses"} & set(own) else _axes(given)
+        axes = None if {"gyro", "poses"} & set(own) else given.imu_axes
         options = replace(options, gyro=_motion_record(given, opened(None), axes))
     with ProgressBar("perceive", quiet=given.quiet) as bar:
         with quiet_stdout():
@@ -211,20 +200,10 @@ def _perceive(given: PerceiveOptions, bag: Bag | None = None, own: Collection[st
             if bag is not None and calibration is not None and "calibration" in own:
                 calibration = replace(calibration, file=bag.info_topic)
             options = replace(options, hfov=view)
-            if options.gyro is not None and "poses" not in own:
-                tick = partial(bar.show_part, "comparing the axes of the gyro")
-                record = compared(
-                    options.gyro,
-                    opened(calibration),
-                    options,
-                    bag.axes if bag is not None and "gyro" in own else None,
-                    given=given.imu_axes is not None,
-                    tick=tick,
-                )
-                options = replace(options, gyro=record.without_offsets())
+            before = bag.axes if bag is not None and "gyro" in own else None
+            if "poses" not in own:
+                options = _compared(options, opened(calibration), given, before, bar)
             images = opened(calibration)
-        said = {each.what for each in options.gyro.assumed} if options.gyro is not None else set()
-        known = [each for each in bag.assumed if each.what not in said] if bag is not None else []
         counter = _ResultCounter(images.total, bar)
         drawn = None
         if given.page is not None:
@@ -233,13 +212,13 @@ def _perceive(given: PerceiveOptions, bag: Bag | None = None, own: Collection[st
             drawn = PerceivePage(f"Perceived: {given.source[0]}")
         results = _results(options, images, given.overlay, drawn)
         with contextlib.closing(results):
-            shown = counter.counted(quietly(results), known)
+            shown = counter.counted(quietly(results), [] if bag is None else bag.assumed)
             if given.json:
                 estimated = None if lens is None else lens.as_data()
                 print_json_list(
                     {
                         **as_data(result),
-                        "assumed": [each.as_data() for each in assumed],
+                        "assumed": [one.as_data() for one in assumed],
                         "estimated": estimated,
                     }
                     for result, assumed in shown
@@ -250,7 +229,7 @@ def _perceive(given: PerceiveOptions, bag: Bag | None = None, own: Collection[st
     for note in notes:
         echo(f"note: {note}", err=True)
     if given.page is not None and drawn is not None:
-        assumed = (f"assumed: {each}" for each in counter.assumed)
+        assumed = (f"assumed: {one}" for one in counter.assumed)
         write_text(given.page, drawn.render([*assumed, *notes]))
 
 
@@ -312,20 +291,40 @@ def _results(
 
 
 def _motion_record(
-    given: PerceiveOptions, images: ImageSource, axes: Array | None
+    given: PerceiveOptions, images: ImageSource, named: str | None
 ) -> MotionRecord | None:
     """The record of the camera's motion in a file, with times since the first image.
 
-    Its sensor has ``axes`` (3, 3), if they are known.
+    Its sensor has the axes ``named``, if they are known.
     """
     from navfw.perceive.motion_record import load_gyro_record, load_pose_record
+    from navfw.recording.static_frames import axes_of
 
+    axes = None if named is None else axes_of(named)
     if given.gyro is not None:
         return load_gyro_record(given.gyro, axes).on_clock_of(images)
     if given.poses is not None:
         pitch = math.radians(given.pitch or 0.0)
         return load_pose_record(given.poses, pitch, axes).on_clock_of(images)
     return None
+
+
+def _compared(
+    options: PerceiverOptions,
+    images: ImageSource,
+    given: PerceiveOptions,
+    before: Array | None,
+    bar: ProgressBar,
+) -> PerceiverOptions:
+    """The options with a record, if any, in the axes in which it turns as the images do."""
+    from navfw.perceive.gyro_axes import compared
+
+    if options.gyro is None:
+        return options
+    tick = partial(bar.show_part, "comparing the axes of the gyro")
+    is_given = given.imu_axes is not None
+    record = compared(options.gyro, images, options, before, given=is_given, tick=tick)
+    return replace(options, gyro=record.without_offsets())
 
 
 class _ResultCounter:
@@ -342,7 +341,8 @@ class _ResultCounter:
     ) -> Iterator[Assessed]:
         """The ``results``, with what was ``known`` to be assumed before; the first prints all."""
         for result, others in results:
-            assumed = [*known, *others]
+            said = {one.what for one in others}
+            assumed = [*(one for one in known if one.what not in said), *others]
             if not self._pairs:
                 self.assumed = assumed
                 print_assumed(assumed)

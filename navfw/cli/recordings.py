@@ -117,16 +117,13 @@ def replay(
     if is_bag(folder):
         if overrides or rules:
             raise typer.BadParameter("is for a run folder", param_hint="--set, --rules")
-        on_map = map_name, goal, start
-        driver = stack or "default"
-        target = replay_bag(
-            folder, (topic, imu_axes), robot, driver, on_map, out, json=json, quiet=quiet
-        )
+        source, on_map = (topic, imu_axes, robot), (map_name, goal, start)
+        target = replay_bag(folder, source, stack, on_map, out, json=json, quiet=quiet)
         if video is not None:
             write_video(target, video, quiet=json or quiet)
         return
-    of_bag = {"--robot": robot, "--map": map_name, "--goal": goal, "--start": start}
-    for option, value in {**of_bag, "--topic": topic, "--imu-axes": imu_axes, "--out": out}.items():
+    only = {"--robot": robot, "--map": map_name, "--goal": goal, "--start": start}
+    for option, value in {**only, "--topic": topic, "--imu-axes": imu_axes, "--out": out}.items():
         if value:
             raise typer.BadParameter("is for a bag", param_hint=option)
     if overrides or rules or stack is not None:

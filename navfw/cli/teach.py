@@ -21,7 +21,6 @@ from navfw.process.atomic import write_text
 from navfw.recording.run_folder import RESULT, is_bag
 
 if TYPE_CHECKING:
-    from navfw.numerics import Array
     from navfw.recording.teaching import Taught, TeachingDrive
 
 _NAME = re.compile(r"(?P<time>[0-9]+(\.[0-9]+)?)=(?P<place>[A-Za-z0-9][A-Za-z0-9_.-]*)")
@@ -70,15 +69,14 @@ def teach(
     quiet: Quiet = False,
 ) -> None:
     """Make a map of recorded drives; NAME-2 and so on of those that do not certainly overlap."""
-    from navfw.recording.static_frames import axes_of
     from navfw.recording.teaching import teach as taught
     from navfw.topomap.map_formats import save_map
 
     with quiet_stdout():
         file, notes = map_file(out, "--out", force), list[str]()
-        assumed, axes = list[Assumption](), None if imu_axes is None else axes_of(imu_axes)
+        assumed = list[Assumption]()
         named = [_named(text) for text in name or ()]
-        drives = _drives(recordings, robot, (topic, axes), notes, assumed)
+        drives = _drives(recordings, robot, (topic, imu_axes), notes, assumed)
         with ProgressBar("map teach", quiet=quiet) as bar:
             is_taken = partial(_is_taken, file, force)
             made = taught(drives, file.stem, named, bar.show_part, is_taken)
@@ -92,8 +90,8 @@ def teach(
             write_text(situations, made.maps[0].situations.text(origin), parents=True)
     data, lines = _summary(made, files, notes)
     print_assumed(assumed)
-    assumptions = [each.as_data() for each in assumed]
-    print_result({**data, "assumed": assumptions}, lines, json=json)
+    data["assumed"] = [one.as_data() for one in assumed]
+    print_result(data, lines, json=json)
 
 
 def _summary(made: Taught, files: list[Path], notes: list[str]) -> tuple[dict[str, Any], list[str]]:
@@ -174,7 +172,7 @@ def name(
 def _drives(
     recordings: list[Path],
     robot: str | None,
-    of_bags: tuple[str | None, Array | None],
+    of_bags: tuple[str | None, str | None],
     notes: list[str],
     assumed: list[Assumption],
 ) -> Iterator[TeachingDrive]:

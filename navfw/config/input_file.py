@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import stat
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -166,7 +167,17 @@ def shown_path(path: Path) -> str:
 
 def no_such_file(path: Path) -> ConfigError:
     """The error for a ``path`` that is no regular file; names the nearest file of its suffix."""
-    name = shown_path(path)
+    name, hint = shown_path(path), ""
+    if re.match(r"[a-z0-9]+:/", name):
+        address = name.replace(":/", "://", 1)
+        hint = f"an address is not read: download it, or ffmpeg -t 60 -i '{address}' drive.mp4"
+    elif name == "-" or name.startswith(("/dev/stdin", "/dev/fd/")):
+        hint = "standard input is not read: write it to a file, and give that"
+    elif name.startswith("/dev/video") or name.isdecimal():
+        device = f"/dev/video{name}" if name.isdecimal() else name
+        hint = f"a camera is not read: record a video: ffmpeg -t 60 -i {device} drive.mp4"
+    if hint:
+        return ConfigError(hint, file=name)
     if is_folder(path):
         return ConfigError("expected a file, got a folder", file=name)
     if _mode(path):

@@ -142,22 +142,22 @@ class _Reader:
 
     def _camera(self, wanted: str | None) -> list[tuple[KeyPath, str]]:
         """Where the numbers of the ``wanted`` camera are: below a key, or beside it after a dot."""
-        found: dict[str, tuple[KeyPath, str]] = {}
+        cameras: dict[str, tuple[KeyPath, str]] = {}
         marks = {"intrinsics", *(names[0] for names in _FOCALS)}
         for key, value in self._document.data.items():
             name, dot, last = key.rpartition(".")
             if isinstance(value, dict) and marks & value.keys():
-                found[key] = (key,), ""
+                cameras[key] = (key,), ""
             elif dot and last in marks:
-                found[name] = (), f"{name}."
-        if len(found) < 2:
-            return list(found.values())
-        topics = {str(self._document.at((name, "rostopic"))): name for name in found}
+                cameras[name] = (), f"{name}."
+        if len(cameras) < 2:
+            return list(cameras.values())
+        topics = {str(self._document.at((name, "rostopic"))): name for name in cameras}
         chosen = topics.get(wanted or "", wanted)
-        if chosen not in found:
-            what = f"has several cameras, {', '.join(found)}"
+        if chosen not in cameras:
+            what = f"has several cameras, {', '.join(cameras)}"
             raise self._error(f"{what}: choose one by --camera, or keep one", ())
-        return [found[chosen]]
+        return [cameras[chosen]]
 
     def model(self) -> str:
         flag = self._key(_FISHEYE_FLAG)

@@ -55,9 +55,9 @@ def turns_seen(
                 hfov = options.angle_of_view(width, height, images.hfov)
                 camera = size.camera(hfov, 1.0, math.radians(options.pitch or 0.0), 1.0)
                 tracks = track_points(past[1], now, size)
-                found = estimate_egomotion(tracks, camera.focal)
-                if len(tracks.points) >= MIN_POINTS and found.kind is not MotionKind.UNKNOWN:
-                    seen.append(rotation_vector(found.rotation, camera))
+                motion = estimate_egomotion(tracks, camera.focal)
+                if len(tracks.points) >= MIN_POINTS and motion.kind is not MotionKind.UNKNOWN:
+                    seen.append(rotation_vector(motion.rotation, camera))
                     measured.append(turn)
             past = item.time, now
     return np.array(seen).reshape(-1, 3), np.array(measured).reshape(-1, 3)
@@ -89,6 +89,6 @@ def compared(
         doubted = better is not None or agreement < _DISAGREES
         return replace(record, notes=(*record.notes, note + hint)) if doubted else record
     reason = f"it then turns as the images do (agreement {agreement:.2f} in {len(seen)} pairs)"
-    kept = [each for each in record.assumed if not each.what.startswith("axes of")]
+    kept = [one for one in record.assumed if not one.what.startswith("axes of")]
     kept.append(assumed_axes(better @ before, reason, record.source))
     return replace(record.turned(better), assumed=tuple(kept))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import math
 import os
-import re
 import tempfile
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -312,27 +311,6 @@ class _Video(ImageSource):
 def assumed_rate(rate: float, reason: str) -> Assumption:
     """That there are so many images a second."""
     return Assumption("frame rate", f"{rate:g} images a second", reason, "--fps, --times")
-
-
-def require_files(paths: Sequence[Path]) -> None:
-    """Refuse addresses, standard input and cameras, and say how to make a file of them.
-
-    Raises:
-        InputError: one of ``paths`` is such a source.
-
-    """
-    for path in paths:
-        text, how = str(path), ""
-        if re.match(r"[a-z0-9]+:/", text):
-            how = "an address is not read: download the file, or record a stream: ffmpeg -t 60 -i"
-            how += f" '{text.replace(':/', '://', 1)}' drive.mp4"
-        elif text == "-" or text.startswith(("/dev/stdin", "/dev/fd/")):
-            how = "standard input is not read: write it to a file, and give that"
-        elif text.startswith("/dev/video") or (text.isdecimal() and not path.exists()):
-            device = f"/dev/video{text}" if text.isdecimal() else text
-            how = f"a camera is not read: record a video: ffmpeg -t 60 -i {device} drive.mp4"
-        if how:
-            raise InputError(how, file=text)
 
 
 def open_source(

@@ -124,10 +124,10 @@ def times_in_names(paths: Sequence[Path]) -> list[float] | None:
         InputError: a stamp does not come after the one before it.
 
     """
-    found = [list(_STAMP.finditer(path.stem)) for path in paths]
-    if len(paths) < 2 or len({len(stamps) for stamps in found}) != 1:
+    stamped = [list(_STAMP.finditer(path.stem)) for path in paths]
+    if len(paths) < 2 or len({len(stamps) for stamps in stamped}) != 1:
         return None
-    columns = [column for column in zip(*found, strict=True) if len({m[0] for m in column}) > 1]
+    columns = [column for column in zip(*stamped, strict=True) if len({m[0] for m in column}) > 1]
     kinds = {stamp.lastgroup for column in columns for stamp in column}
     if len(columns) != 1 or len(kinds) != 1:
         return None

@@ -28,7 +28,14 @@ from navfw.recording.cut_bag import mended
 from navfw.recording.image_messages import is_film, no_picture
 from navfw.recording.ros_messages import message_types
 from navfw.recording.run_folder import bag_files
-from navfw.recording.static_frames import BASES, OPTICAL, StaticFrames, agreeing_axes, assumed_axes
+from navfw.recording.static_frames import (
+    BASES,
+    OPTICAL,
+    StaticFrames,
+    agreeing_axes,
+    assumed_axes,
+    axes_of,
+)
 
 with extra_imports("bags"):
     from rosbags import rosbag1, rosbag2
@@ -68,9 +75,9 @@ class Bag:
     y, z [rad/s], ``odometry`` (n, 4) x, y [m] and yaw [rad] without jumps, ``joints`` (n, 3) the
     angles of the left and the right wheel [rad], ``commands`` (n, 3) v [m/s], w [rad/s]. ``images``
     (n, 2) has times and reception of the images of ``topic``, or of the one with most pictures;
-    ``info`` is the first ``CameraInfo`` beside it, None without one. ``imu_axes`` (3, 3) are the
-    gyro's axes, as columns, in base_link; by default those of ``/tf_static``, or by the name of its
-    frame. ``axes`` are those that are used, ``optical`` those of the camera, None if not known.
+    ``info`` is the first ``CameraInfo`` beside it, None without one. ``axes`` (3, 3) are
+    the gyro's, as columns, in base_link: those that ``imu_axes`` names, of ``/tf_static``, or by
+    the name of its frame; ``optical`` those of the camera, None if they are not known.
     ``notes`` are remarks for people, ``assumed`` what was chosen for them.
 
     Raises:
@@ -79,7 +86,7 @@ class Bag:
 
     """
 
-    def __init__(self, path: Path, topic: str | None = None, imu_axes: Array | None = None) -> None:
+    def __init__(self, path: Path, topic: str | None = None, imu_axes: str | None = None) -> None:
         self.path, self.file = path, shown_path(path)
         self.notes: list[str] = []
         self.assumed: list[Assumption] = []
@@ -205,13 +212,15 @@ class Bag:
     def _topic_of(self, role: str) -> str:
         """The topic that is read; "" if there is none."""
         names = topics_of(role, self._counts)
-        if len(names) > 1 and role not in {"gyro", "info", "mounts"}:
-            self._chosen(role, names)
-        return names[0] if names else ""
+        return self._chosen(role, names[: 1 if role in {"gyro", "info", "mounts"} else None])
 
-    def _chosen(self, role: str, names: list[str], option: str = "") -> None:
+    def _chosen(self, role: str, names: list[str], option: str = "") -> str:
+        """The first of ``names``; the choice is assumed if there are several."""
+        if len(names) < 2:
+            return names[0] if names else ""
         others = f"{', '.join(names[1:4])} {'has' if len(names) == 2 else 'have'} such messages too"
         self.assumed.append(Assumption(f"topic of {role}", names[0], others, option))
+        return names[0]
 
     def _image_topic(self, wanted: str | None) -> str:
         """The topic ``wanted``, or that with most pictures; ``no_pictures`` says what others are.
@@ -240,19 +249,17 @@ class Bag:
             hint = f"; others: {others}" if others else ""
             raise ConfigError(f"{what}{hint}", file=self.file, key="--topic")
         pictures = [name for name in names if name not in self.no_pictures]
-        if wanted is None and len(pictures) > 1:
-            self._chosen("images", pictures, "--topic")
-        return wanted or (pictures[0] if pictures else "")
+        return wanted or self._chosen("images", pictures, "--topic")
 
     def _info_topic(self) -> str:
         """The topic of the ``camera_info`` in the namespace of the images; "" without one."""
         images, infos = self._topics["images"], topics_of("info", self._counts)
         own = info_topics(images)
-        found = [info for info in own if info in infos]
-        if not found and infos and images:
+        beside = [info for info in own if info in infos]
+        if not beside and infos and images:
             what = f"{', '.join(infos[:3])} may be of another camera, and is not used"
             self.notes.append(f"there is no {own[0]} of {images}: {what}")
-        return found[0] if found else ""
+        return beside[0] if beside else ""
 
     def _choose_gyro(
         self, imus: Iterable[str], rows: Mapping[str, list[tuple[float, ...]]]
@@ -266,18 +273,16 @@ class Bag:
         ]
         for name in sorted(set(imus) - set(turning)):
             self.notes.append(f"{name} has no rates of rotation: it is not taken as a gyro")
-        if len(turning) > 1:
-            self._chosen("gyro", turning)
-        self._topics["gyro"] = turning[0] if turning else ""
+        self._topics["gyro"] = self._chosen("gyro", turning)
 
     def _turn_to_base(
-        self, gyro: Mapping[str, Array], camera: Mapping[str, Array], given: Array | None
+        self, gyro: Mapping[str, Array], camera: Mapping[str, Array], given: str | None
     ) -> Array | None:
         """Turn the gyro's rates into base_link; the axes of the camera there, None if not known.
 
         ``gyro`` and ``camera`` are the axes of their frames in those above, themselves first.
         """
-        frame, axes = next(iter(gyro)), given
+        frame, axes = next(iter(gyro)), None if given is None else axes_of(given)
         roots = [name for name in camera if name in gyro and len(gyro) + len(camera) > 2]
         base = next((name for name in (*gyro, *camera) if name in BASES), "")
         base = base or next((name for name in roots if "optical" not in name), "")
@@ -313,8 +318,8 @@ class Bag:
         at = [np.interp(times, self.gyro[:, 0], turn) for turn in turns.T]
         unknown = np.full(len(yaw) - 1, math.nan)
         wheels = np.column_stack([unknown, unknown, np.diff(yaw)])
-        found, _ = agreeing_axes(wheels, np.diff(np.column_stack(at), axis=0))
-        return None if found is None else found @ axes
+        better, _ = agreeing_axes(wheels, np.diff(np.column_stack(at), axis=0))
+        return None if better is None else better @ axes
 
     def _table(self, role: str, rows: list[tuple[float, ...]]) -> Array:
         """Times, reception and numbers; nan as time of messages that are unusable."""

@@ -46,8 +46,8 @@ _FILM = re.compile(r"theora|h\.?26[45]|hevc|\bav1|\bvp[89]|CompressedVideo|FFMPE
 
 def is_film(kind: str) -> str:
     """The words by which a type or format of message is that of a video; "" if it is none."""
-    found = _FILM.search(kind)
-    return found[0] if found else ""
+    film = _FILM.search(kind)
+    return film[0] if film else ""
 
 
 def no_picture(message: Any, topic: str) -> str:

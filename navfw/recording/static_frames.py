@@ -58,12 +58,12 @@ class StaticFrames:
     def above(self, frame: str) -> dict[str, Array]:
         """The axes of ``frame``, as columns (3, 3), in each frame from itself up to the root."""
         at, axes = frame.lstrip("/"), np.eye(3)
-        found = {at: axes}
-        while at in self._parents and self._parents[at][0] not in found:
+        above = {at: axes}
+        while at in self._parents and self._parents[at][0] not in above:
             at, turn = self._parents[at]
             axes = turn @ axes
-            found[at] = axes
-        return found
+            above[at] = axes
+        return above
 
 
 def axes_text(axes: Array) -> str:
@@ -103,10 +103,10 @@ def agreeing_axes(seen: Array, measured: Array) -> tuple[Array | None, float]:
 
     def agreement(axes: Array) -> float:
         turned = np.where(known, np.nan_to_num(measured) @ axes.T, 0.0)
-        there = np.where(known, seen, 0.0)
-        return float(2.0 * (turned * there).sum() / max((turned**2 + there**2).sum(), 1e-12))
+        wanted = np.where(known, seen, 0.0)
+        return float(2.0 * (turned * wanted).sum() / max((turned**2 + wanted**2).sum(), 1e-12))
 
-    found = [agreement(axes) for axes in AXES]
-    best = next(k for k, value in enumerate(found) if value > max(found) - _TIE)
-    is_other = found[best] >= _AGREES and found[best] - found[0] >= _BETTER
-    return (AXES[best], found[best]) if is_other else (None, found[0])
+    values = [agreement(axes) for axes in AXES]
+    best = next(k for k, value in enumerate(values) if value > max(values) - _TIE)
+    is_other = values[best] >= _AGREES and values[best] - values[0] >= _BETTER
+    return (AXES[best], values[best]) if is_other else (None, values[0])

@@ -23,7 +23,7 @@ from navfw.numerics.products import product
 if TYPE_CHECKING:
     from navfw.lenses import Undistortion
 
-RATES = (0.1, 60.0)
+RATES = (0.1, 60.0)  # chosen
 """Least and largest ``Rate`` [Hz]."""
 Rate = Annotated[float, Field(ge=RATES[0], le=RATES[1])]
 """Rate of frames [Hz]; a slower camera sees nothing in time, a faster one is not simulated."""

@@ -252,7 +252,7 @@ class BagReplay:
             "real_time_factor": duration / max(wall, 1e-9),
             "command_hash": recording.hash_commands(rows[:, :3]),
             "notes": [*dict.fromkeys(self._bag.notes), *self._compared(rows)],
-            "assumed": [each.as_data() for each in self._bag.assumed],
+            "assumed": [one.as_data() for one in self._bag.assumed],
             "faults": list(self._stack.state.faults),
             "events": [],
             "config": self._config,

@@ -55,6 +55,7 @@ ALLOWED = """
     plugins/built_in.py:ast.parse
     plugins/simulator_access.py:ast.parse
     process/atomic.py:unfinished.open
+    recording/cut_bag.py:target.open
     process/kernel_compilation.py:KERNEL_FILE.read_text
     process/process_resources.py:?.read_text
     process/target_lock.py:os.open

@@ -86,7 +86,7 @@ def test_axes_by_the_name_of_the_frame_and_by_the_option(tmp_path: Path) -> None
     assert [each.taken for each in bag.assumed] == ["z,-x,-y are ahead, left, up"]
     path = write_bag(tmp_path / "b.mcap", swinging(OPTICAL, "imu"))
     assert np.abs(yaw_rates(Bag(path))).max() < 1e-9
-    bag = Bag(path, imu_axes=axes_of("z,-x,-y"))
+    bag = Bag(path, imu_axes="z,-x,-y")
     assert yaw_rates(bag) == pytest.approx(np.gradient(YAW, 0.1))
     assert bag.assumed == []
 
