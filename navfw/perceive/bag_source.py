@@ -50,8 +50,9 @@ def unpacked_bag(bag: Bag, pitch: float = 0.0) -> Iterator[dict[str, Path]]:
 
     """
     if not len(bag.images):
-        others = "; ".join(f"{topic} shows {what}" for topic, what in bag.no_pictures.items())
-        hint = f": {others}; --topic takes one by name" if others else ""
+        shown = [f"{topic} shows {what}" for topic, what in bag.no_pictures.items()]
+        shown += ["--topic takes one by name"] if shown else bag.notes[:-1]
+        hint = f": {'; '.join(shown)}" if shown else ""
         raise InputError(f"has no images to perceive{hint}", file=bag.file)
     with scratch_folder("bag") as folder:
         files = {name: folder / name for name in ("source", "times")}

@@ -19,12 +19,12 @@ import numpy as np
 
 from navfw.assumption import Assumption
 from navfw.config.extras import extra_imports
-from navfw.config.input_file import is_file, is_folder, open_input, shown_path
+from navfw.config.input_file import is_folder, open_input, shown_path
 from navfw.errors import ConfigError, NavfwError, UnknownNameError
 from navfw.numerics import Array
 from navfw.process.atomic import scratch_folder
 from navfw.recording.bag_topics import ROLES, info_topics, topics_of
-from navfw.recording.cut_bag import mended
+from navfw.recording.cut_bag import is_unfinished, mended
 from navfw.recording.image_messages import is_film, no_picture
 from navfw.recording.ros_messages import message_types
 from navfw.recording.run_folder import bag_files
@@ -153,7 +153,7 @@ class Bag:
         """
         files = bag_files(self.path)
         with suppress(ConfigError):
-            if not any(map(_log_of, files)):
+            if not any(map(is_unfinished, files)):
                 with self._opened():
                     return
         if len({re.sub(r"_\d+$", "", file.stem) for file in files}) > 1:
@@ -169,7 +169,7 @@ class Bag:
         """The ``file``, or a copy of its intact part if it is cut off."""
         self._files = [file]
         with suppress(ConfigError):
-            if not _log_of(file):
+            if not is_unfinished(file):
                 with self._opened():
                     return file
         copy = None
@@ -375,12 +375,6 @@ class Bag:
             if "ros2" not in reason:
                 hint = f"{_REMEDIES.get(self.path.suffix, 'ros2 bag reindex')} may repair it"
             raise ConfigError(f"not a readable bag: {reason}; {hint}", file=self.file) from None
-
-
-def _log_of(file: Path) -> bool:
-    """Whether SQLite has left a log with messages beside its file."""
-    log = Path(f"{file}-wal")
-    return is_file(log) and log.stat().st_size > 0
 
 
 def deserialize_cdr(data: bytes, kind: str) -> Any:

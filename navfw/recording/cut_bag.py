@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from navfw.config.extras import extra_imports
-from navfw.config.input_file import open_input
+from navfw.config.input_file import is_file, open_input
 
 with extra_imports("bags"):
     from lz4.frame import LZ4FrameDecompressor
@@ -28,10 +28,19 @@ _HEAD = struct.Struct("<BQ")
 """Code and length of a record."""
 _END = _HEAD.pack(0x02, 20) + bytes(20) + _MAGIC
 """The end of a file without an index."""
+_PAGE = 512  # defined
+"""What the sizes of SQLite's pages are multiples of [byte]."""
 _MAX_PART = 1 << 28
 """Largest chunk that is unpacked [byte]."""
 _TABLES = ("schema", "metadata", "message_definitions", "topics", "messages")
 """Tables of rosbag2's SQLite files, that with the most rows last."""
+
+
+def is_unfinished(file: Path) -> bool:
+    """Whether a file of SQLite ends within a page, or there is a log of messages beside it."""
+    log = Path(f"{file}-wal")
+    is_short = file.suffix == ".db3" and file.stat().st_size % _PAGE > 0
+    return is_short or (is_file(log) and log.stat().st_size > 0)
 
 
 def mended(path: Path, folder: Path) -> Path | None:
@@ -103,7 +112,7 @@ def _whole_records(data: bytes) -> bytes:
 def _mend_db3(path: Path, target: Path, copy: Path) -> bool:
     """Copy the rows of a SQLite file up to the first that is lost, those of its log as well."""
     for ending in ("", "-wal"):
-        if Path(f"{path}{ending}").is_file():
+        if is_file(Path(f"{path}{ending}")):
             shutil.copyfile(f"{path}{ending}", f"{copy}{ending}")
     with closing(sqlite3.connect(copy)) as cut, closing(sqlite3.connect(target)) as whole:
         cut.execute("PRAGMA writable_schema=ON")  # otherwise a file that is cut is not opened
