@@ -324,7 +324,7 @@ def sim(
             raise InputError("give a mission or --explore, not both", key="--explore")
         free = not (mission or explore)
         if start is not None and not free:
-            raise InputError("is of a robot without a mission: leave out MISSION", key="--start")
+            raise InputError("is for a robot without a mission: leave out MISSION", key="--start")
         if (at := options.numbers_of("--start", start, ("X", "Y", "YAW"))) is not None:
             overrides += (f"mission.start={list(at)}",)
         loaded = prepare(world, mission or None, seed=seed, overrides=overrides)
