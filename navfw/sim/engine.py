@@ -28,12 +28,12 @@ from navfw.sim.textured_mesh import TexturedMesh
 
 
 @contextmanager
-def quiet_output(into: Path = Path(os.devnull)) -> Iterator[None]:
+def quiet_output(into: str | Path = os.devnull) -> Iterator[None]:
     """Discard what C code prints meanwhile, or write it to the file ``into``.
 
     Only redirecting the descriptors suppresses it.
     """
-    with into.open("wb") as stream, redirected(stream.fileno(), 1, 2):
+    with Path(into).open("wb") as stream, redirected(stream.fileno(), 1, 2):
         try:
             yield
         finally:

@@ -20,7 +20,7 @@ from functools import partial
 
 import numpy as np
 
-from navfw.config.input_file import shown_path
+from navfw.config.input_file import read_input, shown_path
 from navfw.errors import ConfigError
 from navfw.numerics import Array
 from navfw.numerics.products import product, sum_in_order
@@ -297,7 +297,7 @@ class UrdfBody(WheeledBody):
                         self._call("loadURDF", loaded, at, quaternion(start.yaw), flags=flags)
                     )
             except bullet.error:
-                text = printed.read_text("utf-8", "replace")
+                text = read_input(printed).decode("utf-8", "replace")
                 said = " ".join(re.findall(_BULLET_ERROR, text, re.DOTALL)) or "it says no reason"
                 raise ConfigError(
                     f"PyBullet cannot load it: {said}", file=shown_path(drive.model.file)

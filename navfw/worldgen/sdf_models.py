@@ -143,7 +143,10 @@ class SdfFrames:
         placement = element.get("placement_frame")
         if placement:
             inner = SdfFrames(element, self.file)._frame(placement, element)
-            placed = product(placed, np.asarray(np.linalg.inv(inner)))
+            back = np.eye(4)
+            back[:3, :3] = inner[:3, :3].T
+            back[:3, 3] = -product(back[:3, :3], inner[:3, 3])
+            placed = product(placed, back)
         return placed
 
     def _frame(self, name: str, asker: Element) -> Array:
