@@ -426,7 +426,7 @@ def test_images_of_two_cameras_in_one_folder_are_refused(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("source", "said"),
     [
-        ("https://example.org/a.mp4", "an address is not read: download the file"),
+        ("https://example.org/a.mp4", "an address is not read: download it"),
         ("rtsp://10.0.0.2/stream", "ffmpeg -t 60 -i 'rtsp://10.0.0.2/stream' drive.mp4"),
         ("-", "standard input is not read: write it to a file"),
         ("/dev/video0", "a camera is not read: record a video: ffmpeg -t 60 -i /dev/video0"),
