@@ -73,15 +73,7 @@ def as_data(result: PairResult) -> dict[str, Any]:
         "dt": _n(result.motion.dt),
         "frames": [result.past, result.now],
         "sentence": percept.sentence,
-        "statements": [
-            {
-                "what": one.what,
-                "says": one.says,
-                "probability": _n(one.probability),
-                "age_s": _n(one.age),
-            }
-            for one in result.statements
-        ],
+        "statements": [_statement(one) for one in result.statements],
         "known": result.known,
         "confidence": _n(result.confidence),
         "obstacles": {layer: dict(parts) for layer, parts in percept.obstacles.items()},
@@ -117,6 +109,11 @@ def as_data(result: PairResult) -> dict[str, Any]:
         },
         "notes": list(result.notes),
     }
+
+
+def _statement(one: Statement) -> dict[str, Any]:
+    probability, age = _n(one.probability), _n(one.age)
+    return {"what": one.what, "says": one.says, "probability": probability, "age_s": age}
 
 
 def as_line(result: PairResult) -> str:
