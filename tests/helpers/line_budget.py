@@ -9,16 +9,16 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 LIMITS = {
-    "navfw/, lines of Python": 75845,
+    "navfw/, lines of Python": 79561,
     "navfw/, lines of stubs": 266,
-    "navfw/, lines of scripts, pages, styles and templates": 2425,
+    "navfw/, lines of scripts, pages, styles and templates": 2448,
     "behaviors/, lines of Python": 1582,
-    "examples/, lines of Python": 947,
-    "benchmarks/, lines of Python, pages and stubs": 7483,
-    "tests/, lines of Python": 49196,
-    "docs/, words": 44985,
+    "examples/, lines of Python": 1004,
+    "benchmarks/, lines of Python, pages and stubs": 7430,
+    "tests/, lines of Python": 52603,
+    "docs/, words": 44981,
     "README.md, words": 900,
-    "pyproject.toml, lines": 304,
+    "pyproject.toml, lines": 309,
 }
 """What each folder may have."""
 
