@@ -26,7 +26,6 @@ from navfw.process.last_trace import ended_after
 from navfw.recording.run_folder import RunFolder, plain_json
 
 if TYPE_CHECKING:
-    from navfw.assumption import Assumption
     from navfw.missions.missionfile import Destination
     from navfw.missions.pilot import TickView
     from navfw.missions.session import MissionResult, Session
@@ -200,21 +199,17 @@ def _run(request: RunOptions) -> NoReturn:
     """Drive and hand over the result. No signal interrupts the printing."""
     with deferred():
         with quiet_stdout():
-            result, folder, missing, assumed = _drive(request)
+            result, folder, missing = _drive(request)
             where = None if folder is None else str(folder)
-            more = {"run_folder": where, "assumed": [one.as_data() for one in assumed]}
-            summary = plain_json({**result.summary(), **more})
+            summary = plain_json({**result.summary(), "run_folder": where})
         show_result(summary, missing, request.json)
         raise typer.Exit(NOT_SAVED if missing else result.exit_code)
 
 
-def _drive(
-    request: RunOptions,
-) -> tuple[MissionResult, Path | None, tuple[str, ...], tuple[Assumption, ...]]:
+def _drive(request: RunOptions) -> tuple[MissionResult, Path | None, tuple[str, ...]]:
     """Run the mission and write its folder, after all input has been checked.
 
-    Returns the result, the folder with it, None if it could not be written, what is missing, and
-    what is assumed of robot and map.
+    Returns the result, the folder with it, None if it could not be written, and what is missing.
     """
     from navfw.missions.pilot import watcher_of
     from navfw.missions.run_report import RecordedFolder, default_folder, write_run
@@ -232,7 +227,8 @@ def _drive(
         check_video(request.video, VIDEO)
     with interruptible():  # up to here there is nothing to save
         session = _prepared(request, mission)
-        assumed = _assumed(session, quiet=request.quiet)
+        if not request.quiet:
+            _print_notes(session)
         compile_with_progress(loaded=True, quiet=request.quiet)
         server = _live(session, request) if request.live else None
     target = RunFolder(request.out or default_folder(session), numbered=request.out is None)
@@ -265,20 +261,16 @@ def _drive(
             raise
         missing = (str(error),)
     folder = target.path if target.final is None and target.kept else target.final
-    return result, folder, (*missing, *_write_video(request, target.final)), assumed
+    return result, folder, (*missing, *_write_video(request, target.final))
 
 
-def _assumed(session: Session, *, quiet: bool) -> tuple[Assumption, ...]:
-    """What is assumed of robot and map, printed with notes on the robot unless ``quiet``."""
-    from navfw.robot.urdf_measures import robot_assumed, robot_notes
+def _print_notes(session: Session) -> None:
+    """Print what is assumed of robot and map, and notes on the robot."""
+    from navfw.robot.urdf_measures import robot_notes
 
-    robot = session.mission.spec.robot
-    assumed = robot_assumed(robot) + session.mission.topo_map.all_assumed
-    if not quiet:
-        print_assumed(assumed)
-        for note in robot_notes(robot):
-            echo(f"note: {note}", err=True)
-    return assumed
+    print_assumed(session.mission.assumed)
+    for note in robot_notes(session.mission.spec.robot):
+        echo(f"note: {note}", err=True)
 
 
 def _write_maps(result: MissionResult, out_map: Path | None, kept_map: Path | None) -> None:

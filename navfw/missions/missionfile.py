@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from navfw.assumption import Assumption
 from navfw.config.document import Origin, YamlDocument, load_yaml
 from navfw.config.lookup import find, list_missions
 from navfw.config.overrides import Override, apply_overrides
@@ -59,6 +60,13 @@ class MissionFile:
     def start_known(self) -> bool:
         """Whether the stack gets the start pose."""
         return not self.starts
+
+    @property
+    def assumed(self) -> tuple[Assumption, ...]:
+        """What is taken for granted of robot and map."""
+        from navfw.robot.urdf_measures import robot_assumed  # of a robot without a URDF not needed
+
+        return robot_assumed(self.spec.robot) + self.topo_map.all_assumed
 
     def placed(self, seed: int, plan: SceneGeometry) -> MissionFile:
         """The mission with an unknown start drawn by ``seed``; a known start stays.

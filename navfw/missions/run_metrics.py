@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter
 
+from navfw.assumption import Assumption
 from navfw.errors import WorldError
 from navfw.mapping import MapChange
 from navfw.missions.exploration_result import ExplorationResult
@@ -103,7 +104,8 @@ class RunResult(RunMetrics):
     ``objections`` the plugins that failed in more than a tenth of their calls, but for those that
     the mission's events made fail. ``notes`` say what the planner found to differ from the map.
     ``exploration`` is what an exploration observed, None for other missions. ``map_changes`` say
-    how the building was seen to differ from the map.
+    how the building was seen to differ from the map. ``assumed`` is what was taken for granted of
+    robot and map.
     """
 
     outcome: Outcome
@@ -127,6 +129,7 @@ class RunResult(RunMetrics):
     events: tuple[EventRecord, ...]
     exploration: ExplorationResult | None = None
     map_changes: tuple[MapChange, ...] = ()
+    assumed: tuple[Assumption, ...] = ()
     cause: str = ""
     cause_seen: str = ""
 
@@ -142,6 +145,7 @@ class RunResult(RunMetrics):
             "events": [event.as_data() for event in self.events],
             "exploration": None if self.exploration is None else self.exploration.as_data(),
             "map_changes": [asdict(change) for change in self.map_changes],
+            "assumed": [one.as_data() for one in self.assumed],
         }
 
     @classmethod

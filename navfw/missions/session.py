@@ -320,7 +320,7 @@ class MissionResult(RunResult):
             movers=movers,
             changes=changes,
         )
-        return replace(result, **failure_of(result))
+        return replace(result, assumed=session.mission.assumed, **failure_of(result))
 
     def explored_map(self, name: str) -> TopoMap:
         """The map ``name`` (or file) of an exploration; InputError if there is none."""

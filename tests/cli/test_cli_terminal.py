@@ -110,7 +110,7 @@ LOOKS = {
         *("world show nowhere", "map plan office lobby nowhere", "suite nothing --seeds 0:1"),
         *("suite tiny.yaml --seeds x", "tune nothing", "new robot", "check nothing.yaml"),
         *("schema nothing", "trust nowhere", "warm --nothing", "bench nothing", "results nothing"),
-        *("reproduce --views", "run", "rules nothing"),
+        *("reproduce --views", "run", "rules nothing", "demo --nothing"),
     ],
 }
 """Commands by exit code, all of ``navfw --help``."""

@@ -9,7 +9,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 LIMITS = {
-    "navfw/, lines of Python": 79561,
+    "navfw/, lines of Python": 79565,
     "navfw/, lines of stubs": 266,
     "navfw/, lines of scripts, pages, styles and templates": 2448,
     "behaviors/, lines of Python": 1582,
