@@ -46,6 +46,9 @@ PROJECT_PAGES = {
     "benchmarks/README.md": "benchmarks.md",
     "benchmarks/results.md": "results.md",
     "benchmarks/real-frames.md": "real-frames.md",
+    "examples/ros/README.md": "ros-package.md",
+    "QUALITY_DECLARATION.md": "quality.md",
+    "SECURITY.md": "security.md",
 }
 """Pages of the repository outside of this folder, with their names on the site."""
 
