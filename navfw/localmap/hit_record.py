@@ -18,8 +18,6 @@ from navfw.signals.immutability import Frozen
 
 _SHARES = np.linspace(-HIT_WIDTH, HIT_WIDTH, 5)  # chosen
 """Standard deviations of nearness from a reading at which its cells are marked."""
-_BESIDE = np.ones((3, 3), np.uint8)  # chosen
-"""Cells around an occupied one whose evidence counts as its own: rays are sparse."""
 _TAIL, _GAP = 0.4, 0.15  # chosen
 """Length [m] before an obstacle that may be unobserved, as its distance is not exact; and in all,
 farther before it: rays are sparse."""
@@ -130,15 +128,12 @@ class HitRecord:
         grid = self._grid
         rows, columns = np.nonzero(grid.occupied)
         points = np.stack([columns, rows], axis=1) * grid.params.cell + np.array(grid.origin)
-        precision, seen, height = (layer[rows, columns] for layer in self._around())
+        layers = self.precision, self.seen, self.height
+        precision, seen, height = (_around(layer)[rows, columns] for layer in layers)
         with np.errstate(divide="ignore"):
             sigma = np.where(precision > 0.0, 1.0 / precision, math.nan)
         age = np.where(precision > 0.0, time - seen, math.nan)
         return np.column_stack([pose.points_to_local(points), height, sigma, age])
-
-    def _around(self) -> list[Array]:
-        layers = self.precision, self.seen, self.height
-        return [np.asarray(cv2.dilate(layer, _BESIDE)) for layer in layers]
 
     def scan(self, pose: Pose, bearings: Array, reach: float) -> ViewScan:
         """Cast a ray of ``reach`` [m] along each of ``bearings`` (n,) [rad] from odom ``pose``.
@@ -148,23 +143,29 @@ class HitRecord:
         """
         grid, step = self._grid, 0.5 * self._grid.params.cell
         steps = np.arange(0.0, reach + _TAIL, step)
+        number = np.arange(steps.size)
         ways = np.stack([np.cos(bearings + pose.yaw), np.sin(bearings + pose.yaw)], axis=-1)
         points = np.array((pose.x, pose.y)) + ways[:, None] * steps[:, None]
         at, inside = clipped_cells(points, grid.origin, grid.params.cell, grid.size)
         occupied = grid.occupied[at] & inside
         seen = without_gaps(grid.observed > 0)[at] & inside & ~occupied
         first = np.where(occupied.any(axis=1), occupied.argmax(axis=1), steps.size)
-        ahead = np.arange(steps.size) >= first[:, None]
+        ahead = number >= first[:, None]
         over = ahead & ~occupied
         last = np.where(over.any(axis=1), over.argmax(axis=1), steps.size) - 1
         unseen = ~seen
         free = np.where(unseen.any(axis=1), unseen.argmax(axis=1), steps.size)
-        gaps = (unseen & (np.arange(steps.size) < first[:, None] - round(_TAIL / step))).sum(axis=1)
+        gaps = (unseen & (number < first[:, None] - round(_TAIL / step))).sum(axis=1)
         ranges = np.where(first < steps.size, 0.5 * step * (first + last), math.inf)
         ranges[ranges > reach] = math.inf
         ranges[gaps > _GAP / step] = math.nan
-        precision = self._around()[0][at] * (occupied & (np.arange(steps.size) <= last[:, None]))
+        precision = _around(self.precision)[at] * (occupied & (number <= last[:, None]))
         with np.errstate(divide="ignore"):
             sigma = np.where(np.isfinite(ranges), 1.0 / precision.max(axis=1), math.nan)
         sigma[np.isinf(sigma)] = math.nan
         return ViewScan(ranges, sigma, np.minimum(free * step, reach))
+
+
+def _around(layer: Array) -> Array:
+    """The largest value (n, n) of a ``layer`` in each cell and those beside it: rays are sparse."""
+    return np.asarray(cv2.dilate(layer, np.ones((3, 3), np.uint8)))

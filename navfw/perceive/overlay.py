@@ -19,8 +19,9 @@ from navfw.errors import InputError
 from navfw.numerics import Array, Image
 from navfw.offis.percept_explanation import front_in
 from navfw.perceive.image_sources import ImageSource
-from navfw.perceive.pair_result import PairResult, strongest_term
+from navfw.perceive.pair_result import PairResult
 from navfw.perceive.perceiver_options import WorkingSize
+from navfw.perceive.sentence_evidence import strongest_term
 from navfw.process.atomic import AtomicFolder
 from navfw.recording.video_output import VIDEO_SUFFIX, VideoOutput
 from navfw.signals import FlowField, Label, Percept

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +10,7 @@ from navfw.numerics import Array
 from navfw.offis.elementary_situations import ELEMENTARY, TABLE
 from navfw.offis.percept_explanation import front_in
 from navfw.perceive.pair_motion import PairMotion, Scale
-from navfw.perceive.sentence_evidence import Statement
+from navfw.perceive.sentence_evidence import Statement, strongest_term
 from navfw.signals import FlowField, Percept
 
 
@@ -137,12 +136,6 @@ def _heading(result: PairResult) -> dict[str, Any]:
         "elevation_deg": _n(math.degrees(elevation)) if has_heading else None,
         "sigma_deg": _n(math.degrees(egomotion.heading_sigma)),
     }
-
-
-def strongest_term(degrees: Mapping[str, float]) -> str:
-    """The strongest of the degrees of near, middle and far; "unknown" if all are 0."""
-    best = max(degrees, key=degrees.__getitem__)
-    return best if degrees[best] > 0.0 else "unknown"
 
 
 def _metres(nearness: float) -> float | None:

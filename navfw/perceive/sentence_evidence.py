@@ -296,9 +296,8 @@ class HeldWords:
         assert last.layers is not None  # noqa: S101 - of a vote
         terms = dict(sorted(last.layers["layer1"].items()))
         for name in terms if known else ():
-            degrees = percept.quadrants[name]
-            best = max(degrees, key=degrees.__getitem__)
-            terms[name] = best if degrees[best] > 0.0 else terms[name]
+            term = strongest_term(percept.quadrants[name])
+            terms[name] = terms[name] if term == "unknown" else term
         layers = {
             layer: terms
             if layer == "layer1"
@@ -307,6 +306,12 @@ class HeldWords:
         }
         share = sets.count(regions) / len(sets)
         return layers, (min(max(share, _EVEN), _RIGHT), last.time)
+
+
+def strongest_term(degrees: Mapping[str, float]) -> str:
+    """The strongest of the degrees of near, middle and far; "unknown" if all are 0."""
+    best = max(degrees, key=degrees.__getitem__)
+    return best if degrees[best] > 0.0 else "unknown"
 
 
 def _covered(percept: Percept) -> list[str]:

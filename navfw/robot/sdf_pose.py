@@ -10,7 +10,7 @@ import numpy as np
 from navfw.config.foreign_files import line_of
 from navfw.errors import ConfigError
 from navfw.numerics import Array
-from navfw.robot.urdf_model import rigid_transform
+from navfw.robot.urdf_model import quaternion_matrix, rigid_transform
 
 _MAX = 1e6  # chosen
 """Bound of coordinates [m] and angles."""
@@ -50,12 +50,7 @@ def sdf_pose(pose: Element, file: str) -> Array:
     if count == 6:
         turns = numbers[3:]
         return rigid_transform(*numbers[:3], *(map(math.radians, turns) if in_degrees else turns))
-    x, y, z, w = np.array(numbers[3:]) / math.hypot(*numbers[3:])
     frame = np.eye(4)
-    frame[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
+    frame[:3, :3] = quaternion_matrix(*np.array(numbers[3:]) / math.hypot(*numbers[3:]))
     frame[:3, 3] = numbers[:3]
     return frame

@@ -135,6 +135,17 @@ def rigid_transform(x: float, y: float, z: float, roll: float, pitch: float, yaw
     )
 
 
+def quaternion_matrix(x: float, y: float, z: float, w: float) -> Array:
+    """Make the rotation (3, 3) of a unit quaternion."""
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
 def attribute_numbers(path: Path, element: Element, key: str, default: list[float]) -> list[float]:
     """Read the numbers of an attribute, as many as ``default`` has; ``default`` if it is missing.
 

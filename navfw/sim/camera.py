@@ -12,6 +12,7 @@ import numpy.typing as npt
 from navfw.numerics import Array, Image
 from navfw.numerics.products import product, sum_in_order
 from navfw.robot import CameraModel
+from navfw.robot.urdf_model import quaternion_matrix
 from navfw.sim.raster import Light, RenderRequest, depth_buffer
 from navfw.sim.scenery import Scenery
 from navfw.sim.visibility import field_of_view
@@ -156,14 +157,7 @@ class Camera:
 
     def camera_pose(self, position: Place, turn: Turn) -> tuple[Array, Array]:
         """Position (3,) [m] and axes (3, 3; columns: right, down, ahead) in the map."""
-        x, y, z, w = turn
-        rotation: Array = np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-            ]
-        )
+        rotation = quaternion_matrix(*turn)
         eye: Array = position + product(rotation, self._mount)
         return eye, product(rotation, self._base_from_camera)
 
