@@ -112,9 +112,9 @@ class RosNode:
         """Whether someone subscribes to ``topic``."""
         return bool(self._node.count_subscribers(self._node.resolve_topic_name(topic)))
 
-    def supplied(self, topic: str) -> bool:
-        """Whether someone publishes ``topic``."""
-        return bool(self._node.count_publishers(self._node.resolve_topic_name(topic)))
+    def publishers(self, topic: str) -> int:
+        """How many publish ``topic``."""
+        return int(self._node.count_publishers(self._node.resolve_topic_name(topic)))
 
     def subscribe(
         self, topic: str, kind: str, receive: Callable[[Any], object], quality: Quality = "sensor"

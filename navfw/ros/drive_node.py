@@ -283,6 +283,7 @@ class DriveNode:
         self._send(_STAND if stands else twists[-1], at)
         frame = next((reading.frame for reading in readings if reading.frame is not None), None)
         if frame is not None:
+            self._tell_rivals()
             came_at, age = self._image_came
             self.outputs.latencies.append(max(0.0, age) + time.monotonic() - came_at)
             ended = self._ended() or ", ".join(self._held)
@@ -338,6 +339,12 @@ class DriveNode:
         stands = ": the robot stands" if self._steers and missing == list(self._heard) else ""
         silent = f"nothing comes on {', '.join(missing)}{stands}"
         self._node.say(silent if missing else "all topics are heard again")
+
+    def _tell_rivals(self) -> None:
+        for topic in self._heard:
+            if (count := self._node.publishers(topic)) > 1:
+                what = f"{count} nodes publish {topic}, and are taken for one robot"
+                self._node.note(f"{what}: give each its own namespace, or remap topics")
 
     def _step(self, reading: SensorReading) -> Twist:
         if not self._options.lockstep:

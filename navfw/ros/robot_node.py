@@ -85,7 +85,7 @@ class RosPilot:
             return
         heard: Sequence[str] = () if self._free else ("imu", "joint_states", "image")
         driven = ("cmd_vel",) if self._free else ("cmd_vel", "navfw/status")
-        while not (all(map(self._node.wanted, heard)) and all(map(self._node.supplied, driven))):
+        while not (all(map(self._node.wanted, heard)) and all(map(self._node.publishers, driven))):
             check_interrupted()
             self._node.spin(0.05)
         self._node.spin_for(_DISCOVERY)

@@ -38,6 +38,9 @@ _MAX_ROWS = 1000
 """Messages of gyro and wheels that wait for each other."""
 _MAX_TICKS = 1e12
 """Largest count of an encoder that is believed."""
+_FASTER, _BURST = 3.0, 0.3
+"""Times the top speed that wheels may roll, and how late [s] messages may come that come at once:
+what is counted by their reception then rolls in no time."""
 
 
 class SensorInputs:
@@ -70,7 +73,7 @@ class SensorInputs:
         self._rolled: deque[tuple[float, Array]] = deque(maxlen=_MAX_ROWS)
         self._read: list[tuple[float, Array]] = []
         self._odometry: tuple[float, float, float] | None = None
-        self._lost = self._waited = False
+        self._lost = self._waited = self._odd = False
         self._frame: Frame | None = None
         self._landmarks: Frame | None = None
         self.shift = 0.0
@@ -202,13 +205,28 @@ class SensorInputs:
         time = self.time_of(topic, message.header.stamp, now)
         if time is None:
             return False
-        if self._lost:
+        jump = self._jump(time, ticks)
+        self._odd = bool(jump) and not self._odd
+        if self._odd:
+            self._note(f"wheels on {topic} roll {jump}, which they cannot: they are left out")
+            return False
+        if self._lost or jump:  # twice in a row: counts have begun anew
             self._zero, self._lost = self._ticks - ticks, False
         self._ticks = self._zero + ticks
         if len(self._rolled) > 1 and time - self._rolled[-2][0] < 1.0 / self._robot.control_rate:
             self._rolled.pop()  # faster than the stack needs them
         self._rolled.append((time, self._ticks))
         return True
+
+    def _jump(self, time: float, ticks: Array) -> str:
+        """How far counts (2,) are from the last ones, if wheels cannot have rolled that far."""
+        robot, last = self._robot, (self._rolled or self._read or [(-math.inf, ticks)])[-1][0]
+        turns = (self._zero + ticks - self._ticks) / robot.ticks_per_turn
+        rolled = 2.0 * math.pi * robot.wheel_radius * float(np.abs(turns).max())
+        top = robot.max_v + 0.5 * robot.track * robot.max_w
+        if self._snap or self._lost or rolled <= _FASTER * top * (time - last + _BURST):
+            return ""
+        return f"{rolled:.3g} m in {time - last:.3g} s"
 
     @property
     def newest(self) -> float:

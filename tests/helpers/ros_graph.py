@@ -113,8 +113,8 @@ class GraphNode:
     def wanted(self, topic: str) -> bool:
         return bool(self.graph.topics[topic])
 
-    def supplied(self, _topic: str) -> bool:
-        return True
+    def publishers(self, _topic: str) -> int:
+        return 1
 
     def has_type(self, _kind: str) -> bool:
         return True

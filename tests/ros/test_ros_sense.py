@@ -14,6 +14,7 @@ from ros_graph import Graph, GraphNode
 from navfw.missions import prepare
 from navfw.numerics import Array
 from navfw.plugins import default_registry
+from navfw.recording import deserialize_cdr, ros_message
 from navfw.ros import DriveNode, DriveOptions, RosNode, RosPilot
 from navfw.ros.sense_outputs import MAX_RANGE, TOPICS, SenseOutputs
 from navfw.signals import Pose
@@ -38,8 +39,10 @@ class Publishing(GraphNode):
 class SensedDrive:
     """A mission's robot that its own stack drives, with ``navfw ros sense`` beside it."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, world: str, mission: str) -> None:
-        self.graph = Graph()
+    def __init__(
+        self, monkeypatch: pytest.MonkeyPatch, world: str, mission: str, **graph: Any
+    ) -> None:
+        self.graph = Graph(**graph)
         for module in ("drive_node", "drive_outputs", "robot_node"):
             monkeypatch.setattr(f"navfw.ros.{module}.time", self.graph)
         self.session = prepare(world, mission, seed=1)
@@ -171,6 +174,30 @@ def test_a_robot_that_has_not_moved_claims_nothing(monkeypatch: pytest.MonkeyPat
     for scan in drive.heard["navfw/scan"]:
         assert np.isnan(scan.ranges).all()
     assert drive.heard["navfw/time_to_contact"][-1].data == math.inf
+
+
+def test_wheels_of_another_robot_between_its_own_are_said_and_end_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    kind, random = "sensor_msgs/msg/JointState", np.random.default_rng(3)
+
+    def spoil(topic: str, data: bytes) -> list[bytes]:
+        if topic != "joint_states" or random.random() < 0.8:
+            return [data]
+        other, turned = deserialize_cdr(data, kind), random.normal(size=2) * 10.0**8
+        stamp = 10**9 * other.header.stamp.sec + other.header.stamp.nanosec + 10**6
+        names = {"name": list(other.name), "position": turned}
+        return [data, ros_message(kind, {"header": {"frame_id": ""}, **names}, stamp)]
+
+    drive = SensedDrive(monkeypatch, "paper-room", "around-objects", spoil=spoil)
+    monkeypatch.setattr(drive.node, "publishers", lambda topic: 1 + (topic == "joint_states"))
+    drive.run(4.0)
+    assert len(drive.heard["navfw/scan"]) > 30
+    last = drive.heard["navfw/odom"][-1]
+    true, at = drive.session.task.start.relative(drive.true_pose(last)), last.pose.pose.position
+    assert math.hypot(at.x - true.x, at.y - true.y) < 0.1
+    for said in ("which they cannot: they are left out", "2 nodes publish joint_states"):
+        assert any(said in note for note in drive.node.notes), drive.node.notes
 
 
 def test_the_examples_name_topics_that_there_are() -> None:

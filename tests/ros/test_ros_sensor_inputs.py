@@ -106,6 +106,20 @@ def test_silent_wheels_do_not_count_and_what_they_roll_is_lost() -> None:
     assert (encoders.left, encoders.right) == (13, 25)
 
 
+def test_counts_that_begin_anew_are_taken_as_such_and_odd_ones_left_out() -> None:
+    notes: list[str] = []
+    inputs, top = made(notes), ROBOT.max_v / (2.0 * math.pi * ROBOT.wheel_radius)
+    step = round(0.1 * top * ROBOT.ticks_per_turn)
+    counts = (0, step, 10**7, 2 * step, 3 * step, 10**7, 10**7 + step, 10**7 + 2 * step)
+    taken = [
+        inputs.joints("joint_states", joints(0.1 * number, count, count), 0.1 * number)
+        for number, count in enumerate(counts)
+    ]
+    assert taken == [True, True, False, True, True, False, True, True]
+    assert newest(inputs).encoders.left == 4 * step
+    assert len(notes) == 2
+
+
 def test_rates_are_means_over_the_time_that_the_wheels_rolled() -> None:
     inputs = made([])
     for time, rate in ((1.0, 0.0), (1.1, 0.2), (1.2, 0.6)):
