@@ -1,4 +1,4 @@
-"""Evaluation: worlds x missions x seeds in worker processes, one table, one summary."""
+"""Suites: evaluate worlds x missions x seeds in worker processes; one table, one summary."""
 
 import lazy_loader
 

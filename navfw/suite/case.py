@@ -1,4 +1,4 @@
-"""The specification of one run of a suite: plain data for a worker process, quick to import."""
+"""The specification of one run of a suite, as plain data that is sent to a worker process."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from navfw.worldgen.generation import GeneratedWorld
 
 BESIDE = RECORDINGS, MAPS = "recordings", "maps"
-"""The folders of the recorded runs' folders, and of maps, beside that of the pictures."""
+"""Names of the folders of recordings and of maps; both lie beside the folder of pictures."""
 
 _DEFAULT_DIFFICULTY = 0.5
 """Difficulty of generated worlds in entries without one: the middle of the range 0 to 1."""
 
 KeptRuns = Literal["all", "failed", "none"]
-"""The runs of which something is kept: the picture, or the recording."""
+"""The runs whose picture, or whose recording, is kept."""
 
 
 _PAIR_STREAM = 0xABC
@@ -40,7 +40,7 @@ _DIFFICULTY_STREAM = 0xD1F
 
 
 def draw_difficulty(difficulty: float | tuple[float, float] | None, seed: int) -> float | None:
-    """The difficulty of a seed: the number itself, or one drawn from the range (3 digits)."""
+    """Return ``difficulty``; from a range, the value that ``seed`` draws (3 decimals)."""
     if not isinstance(difficulty, tuple):
         return difficulty
     stream = np.random.SeedSequence(seed, spawn_key=(_DIFFICULTY_STREAM,))
@@ -49,12 +49,12 @@ def draw_difficulty(difficulty: float | tuple[float, float] | None, seed: int) -
 
 
 def drawn_pair(topo_map: TopoMap, names: Sequence[str], seed: int) -> tuple[str, str, float]:
-    """Two connected places among ``names``, start and goal, and the yaw [rad] at the start.
+    """Draw two connected places among ``names``: start, goal, and the start yaw [rad] in ``map``.
 
-    As many seeds as there are such pairs draw each of them once.
+    n consecutive seeds draw each of the n pairs once.
 
     Raises:
-        InputError: there are none.
+        InputError: no two of the places are connected.
 
     """
     pairs = [(a, b) for a in names for b in names if a != b and b in topo_map.part_of(a)]
@@ -68,17 +68,17 @@ def drawn_pair(topo_map: TopoMap, names: Sequence[str], seed: int) -> tuple[str,
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One run: plain data that is sent to a worker process.
+    """The specification of one run of a suite, as plain data that is sent to a worker process.
 
-    Either ``world`` and ``mission`` are files, or ``family``, ``difficulty`` (of a range, the seed
-    draws it), ``contrast``, ``look`` and ``seed`` define a generated world. With ``pairs`` the seed
-    draws start and goal of the mission; with ``explore``, the keys of an exploration as JSON, the
-    robot explores instead; with ``taught``, the keys of ``TaughtSpec`` as JSON, it drives on a map
-    that is made before, or with ``given_map`` the same on the world's own (``taught_maps``).
-    ``stack`` is a file; empty: the stack named by the mission.
-    ``content`` is the fingerprint of all that the result depends on beside the seed. Of the runs to
-    ``keep`` there is a picture in the folder ``pictures``, of those to ``record`` a recording in
-    the folder beside it.
+    Either ``world`` and ``mission`` are files, or ``family``, ``difficulty`` (the seed draws it
+    from a range), ``contrast``, ``look`` and ``seed`` define a generated world. With ``pairs`` the
+    seed draws start and goal of the mission; with ``explore``, the keys of an exploration as JSON,
+    the robot explores instead; with ``taught``, the keys of ``TaughtSpec`` as JSON, it drives on a
+    map that is made first (``taught_maps``), or with ``given_map`` on the world's own map.
+    ``stack`` is a file; if empty, the mission names the stack. ``content`` is the fingerprint of
+    all that the result depends on except the seed. ``keep`` and ``record`` say for which outcomes
+    a picture is kept in the folder ``pictures``, and a recording in the folder ``recordings``
+    beside it.
     """
 
     index: int
@@ -104,7 +104,7 @@ class Case:
 
     @property
     def key(self) -> RunKey:
-        """The key of the run in the table."""
+        """The columns that identify the run in the table."""
         stack = Path(self.stack).stem
         if self.family:
             where = f"{self.family}-{self.world_seed}", Path(self.mission).stem or "cross"
@@ -114,7 +114,7 @@ class Case:
 
     @property
     def world_seed(self) -> int:
-        """The seed of a generated world: seeds in turn share one that has a map made before."""
+        """The seed of a generated world; with ``taught``, seeds in turn share it and its map."""
         return self.seed // json.loads(self.taught)["seeds"] if self.taught else self.seed
 
     @property
@@ -124,12 +124,12 @@ class Case:
         return {**self.key._asdict(), "family": self.family, "difficulty": difficulty}
 
     def fault(self, reason: str, cause: Cause) -> RunRow:
-        """The row of the run, if it ended without a result."""
+        """The row of a run that ended without a result; its outcome is ``fault``."""
         reason = " ".join(reason.split())
         return RunRow(**self.columns, outcome=Outcome.FAULT, reason=reason, cause=cause.value)
 
     def session(self, registry: Registry) -> Session:
-        """World, mission and stack of the run, loaded and checked.
+        """Load and check the run's world, mission and stack.
 
         In a generated world, ``seed`` determines the world and all noise.
 
@@ -170,7 +170,7 @@ class Case:
         return tuple(f"mission.{key}={json.dumps(value)}" for key, value in changes.items())
 
     def made_world(self) -> GeneratedWorld:
-        """The world of ``family`` and its seed."""
+        """Generate the world of ``family`` and ``world_seed``."""
         from navfw import worldgen
 
         difficulty = draw_difficulty(self.difficulty, self.world_seed)

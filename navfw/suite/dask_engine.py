@@ -1,9 +1,9 @@
 """The runs of a suite on the workers of a Dask scheduler: a cluster, or this machine.
 
-What runs need travels once, as an archive: the project's files, and the suite's worlds, missions
-and stacks. The rest of what ships with navfw does not: workers have the same version of it. A run
-needs a main thread, may hang or leak, and has limits; so each thread of Dask hands its runs to a
-process of a ``WorkerPool``, and only there the simulator is imported.
+The files that runs need are sent to each worker once, as an archive: the project's files, and the
+suite's worlds, missions and stacks. Files that ship with navfw are not sent: workers need the same
+version. A run needs a main thread, may hang or leak memory, and has limits; so each thread of Dask
+hands its runs to a process of a ``WorkerPool``, and only this process imports the simulator.
 """
 
 from __future__ import annotations
@@ -40,29 +40,30 @@ with extra_imports("dask", key="--engine"):
     import distributed
 
 _PERIOD = 0.25
-"""Period [s] of looking for runs that have ended, and for an interruption."""
+"""Period [s] of checking for runs that have ended and for an interruption."""
 
 CONNECT_TIME = 15.0
 """Longest time [s] to wait for the scheduler's answer."""
 
 _WORKER_TIME = 60.0
-"""Longest time [s] to wait for a worker, at the beginning and when all have gone."""
+"""Longest time [s] to wait for a worker, at the start and after all workers are lost."""
 
 _PARTS = ("worlds", "maps", "stacks", "robots", "behaviors", "plugins")
-"""Folders of the project that travel."""
+"""Folders of the project that are sent to the workers."""
 _MAX_BYTES = 200_000_000
-"""Largest size of all files that travel [byte]."""
+"""Largest total size of the files that are sent [byte]."""
 _RESUME = "--resume drives the rest"
 
 
 @dataclass
 class DaskEngine:
-    """A context manager; ``run`` yields each case with its result, in the order of completion.
+    """Drives cases on the workers of the Dask scheduler at ``address``; a context manager.
 
-    A run whose worker is lost is driven again by Dask on another one. ``work`` is the function of a
-    case as ``module:name``: only the process of a run imports it. Entering it raises InputError if
-    the scheduler cannot be reached or has no workers, if a worker has another version of navfw,
-    Python or a library, or lacks a plugin, or if the project's files are too large.
+    Dask repeats a run on another worker if its worker is lost. ``work``, ``module:name`` of the
+    function that drives a case, is imported only by the process of a run. ``limit`` [s] and
+    ``memory`` [MB] bound a run. Entering the context raises InputError if the scheduler cannot be
+    reached or has no workers, if a worker has another version of navfw, Python or a library, or
+    lacks a plugin, or if the project's files are too large.
     """
 
     address: str
@@ -109,16 +110,16 @@ class DaskEngine:
 
     @property
     def capacity(self) -> int:
-        """Number of threads of all workers now; 1 while there are none."""
+        """Number of threads of all present workers; 1 while there are none."""
         threads: dict[str, int] = self._client.nthreads()
         return max(1, sum(threads.values()))
 
     def run(self, cases: Iterable[Case]) -> Iterator[tuple[Case, RunRow | WorkerFailure]]:
-        """Run all cases; may be called again with others.
+        """Run all cases and yield each with its result, in the order of completion.
 
         Raises:
             SimulationError: scheduler or workers are gone, or a worker has another version.
-            KeyboardInterrupt: of the user; what had not ended is cancelled.
+            KeyboardInterrupt: the user interrupted; runs that had not ended are cancelled.
 
         """
         submit = partial(self._client.submit, drive, self._files.name, pure=False)
@@ -161,9 +162,9 @@ class DaskEngine:
 
 @cache
 def worker_identity() -> dict[str, str]:
-    """What has to be the same on all machines: versions, navfw's own files, and its plugins.
+    """The versions of navfw and of its libraries on this machine, and its installed plugins.
 
-    ``plugins`` are those of other installed packages, as ``kind name``.
+    ``plugins`` lists those of other installed packages, as ``kind name``, separated by commas.
     """
     points = [(kind, metadata.entry_points(group=group)) for group, kind in GROUPS.items()]
     return {
@@ -174,7 +175,7 @@ def worker_identity() -> dict[str, str]:
 
 
 def compare_identities(address: str, theirs: dict[str, str], ours: dict[str, str]) -> None:
-    """Raise InputError at the first difference; a worker may have more plugins."""
+    """Raise InputError if a worker's identity differs from ours; it may have more plugins."""
     lacking = set(ours["plugins"].split(", ")) - {"", *theirs["plugins"].split(", ")}
     if lacking:
         what = f"the worker {address} lacks the plugin {', '.join(sorted(lacking)[:5])}"
@@ -206,11 +207,11 @@ def _archive_of(cases: Sequence[Case], project: Path) -> bytes:
 # --- in a worker of Dask -------------------------------------------------------------------------
 
 Answer = tuple[RunRow | WorkerFailure, bytes | None]
-"""A row, or why there is none, with the picture of the run as PNG."""
+"""The row of a run, or the reason why it has none; and its picture as PNG, None if not kept."""
 
 
 class FilesOnWorker(distributed.WorkerPlugin):
-    """Unpacks the files of a suite on every worker, also on one that joins later, and runs it."""
+    """Unpacks a suite's files on every worker, also on one that joins later, and drives runs."""
 
     def __init__(self, cases: Sequence[Case], work: str, limit: float, memory: float) -> None:
         project = project_folder()
@@ -223,7 +224,7 @@ class FilesOnWorker(distributed.WorkerPlugin):
         self._idle: list[WorkerPool[Case, Answer]] = []
 
     def setup(self, worker: distributed.Worker) -> None:
-        """Unpack the files in the worker's own folder."""
+        """Unpack the files in the worker's own folder; InputError if it is not like the sender."""
         compare_identities(worker.address, worker_identity(), self._identity)
         folder = Path(worker.local_directory) / self.name
         with zipfile.ZipFile(io.BytesIO(self._archive)) as archive:
@@ -231,13 +232,13 @@ class FilesOnWorker(distributed.WorkerPlugin):
         self._folder = folder
 
     def teardown(self, worker: distributed.Worker) -> None:
-        """End the processes of the runs."""
+        """End the worker's processes that drive runs."""
         del worker
         while self._idle:
             self._idle.pop().__exit__(None, None, None)
 
     def run(self, case: Case) -> Answer:
-        """Drive a run in a process that is kept for the next one."""
+        """Drive ``case`` in a process that is kept for the next case."""
         if self._folder is None:
             raise SimulationError("a worker could not take the files of the suite; see its log")
         # Dask's nanny starts it as a daemon, which may have no processes of its own
@@ -256,14 +257,14 @@ class FilesOnWorker(distributed.WorkerPlugin):
 
 
 def drive(name: str, case: Case) -> Answer:
-    """A task of Dask: one run on this worker, with the files called ``name``."""
+    """Drive ``case`` on this Dask worker; ``name`` is the name of its ``FilesOnWorker`` plugin."""
     plugin: Any = distributed.get_worker().plugins[name]
     answer: Answer = plugin.run(case)
     return answer
 
 
 def unpacked(case: Case, folder: Path) -> Case:
-    """``case`` with the paths of its files below ``folder``."""
+    """Return ``case`` with the absolute paths of its files moved below ``folder``."""
     old = (case.world, case.mission, case.stack)
     world, mission, stack = (str(folder / path.lstrip("/")) if path else "" for path in old)
     return replace(case, world=world, mission=mission, stack=stack)

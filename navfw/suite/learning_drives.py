@@ -1,8 +1,8 @@
-"""Drives to learn from: landmark positions for a map, and OFFIS situations at kinds of places.
+"""Simulated drives that teach landmark positions, or the OFFIS situations at kinds of places.
 
-The benefit of a table of situations is the accuracy of the discrete localisation filter without
-landmarks, on the odometry of the same drives: with a table learnt on the other entries of the suite
-(leave one entry out), and without a table.
+What a situation table is worth is measured as the accuracy of the discrete localisation filter
+without landmarks, on the odometry of the same drives: with a table learnt on the other entries of
+the suite (leave one entry out), and without a table.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ from navfw.topomap import TopoMap
 from navfw.topomap.landmark_mapping import LandmarkEstimate, LandmarkMapper, with_landmarks
 
 SPACING = 0.25
-"""Driven distance [m] from one sample to the next: nearer frames show the same surroundings."""
+"""Distance [m] driven between observations: nearer frames show the same surroundings."""
 
 
 @dataclass(frozen=True, slots=True)
 class SituationSample:
-    """A camera frame: odometry, degrees of OFFIS situations (None: no inference), true pose."""
+    """At one camera frame: odometry, OFFIS situation degrees (None: no new percept), true pose."""
 
     odometry: Odometry
     situations: Mapping[str, float] | None
@@ -59,7 +59,7 @@ class SituationDrive:
     outcome: str
 
     def observations(self) -> Iterator[tuple[str, Mapping[str, float]]]:
-        """Kind of the true place, and degrees of OFFIS situations, at least SPACING apart."""
+        """Yield (kind of the true place, situation degrees) of samples at least SPACING apart."""
         kinds = [place.kind for place in self.topo_map.places.values()]
         driven = 0.0
         last = self.start
@@ -71,7 +71,7 @@ class SituationDrive:
                 yield kinds[self.place_at(sample.true)], sample.situations
 
     def place_at(self, pose: Pose) -> int:
-        """The index of the place nearest to ``pose``."""
+        """Return the index of the place nearest to ``pose`` (``map`` frame)."""
         places = self.topo_map.places.values()
         return int(np.argmin([place.distance(pose.x, pose.y) for place in places]))
 
@@ -102,11 +102,11 @@ def record_situations(session: Session) -> SituationDrive:
 
 
 def learn_landmarks(session: Session, least: int = 3) -> tuple[TopoMap, dict[str, Any]]:
-    """Drive the session's mission; landmarks detected at least ``least`` times go into the map.
+    """Drive the session's mission and add landmarks detected at least ``least`` times to its map.
 
-    Also the run and the landmarks found, as plain data; ``error_m`` is the distance [m] from the
-    true position in the world. A stack whose feature recognition takes no landmark frames gets the
-    recogniser ``aruco``.
+    Returns the new map, and the run and its landmarks as plain data; ``error_m`` is the distance
+    [m] from the true position in the world. If the stack's feature recognition takes no landmark
+    frames, it is replaced in the session by ``aruco``.
 
     Raises:
         MapError: the start is unknown, or no landmark was detected often enough.
@@ -168,7 +168,7 @@ def _row(mark: LandmarkEstimate, session: Session) -> dict[str, Any]:
 
 
 EVERY = 10
-"""The filter's accuracy is evaluated at one camera frame in this many."""
+"""The filter's accuracy is evaluated at every tenth camera frame."""
 
 _PRIOR = 0.85
 """Prior existence probability of a landmark. The filter needs one; no landmark is observed here."""
@@ -177,11 +177,11 @@ _PRIOR = 0.85
 def learn_situations(
     plan: SuitePlan, registry: Registry, report: ProgressCallback = silent
 ) -> tuple[SituationTable, dict[str, Any]]:
-    """Drive all runs of a suite and learn a table from them.
+    """Drive all runs of a suite and learn a situation table from them.
 
-    Also the numbers of ``--json``: of the ``drives``, the observations and the table, and by entry
-    the accuracy with a table learnt on the other entries, and without one (``place_accuracy``).
-    ``report`` is called with each drive.
+    Returns the table, and the numbers of ``--json``: how many drives and observations, the table,
+    and for each entry (if there are several) ``place_accuracy`` with a table learnt on the other
+    entries, and without one. ``report`` is called before each drive.
 
     Raises:
         InputError: OFFIS inferred no situation on any drive.
@@ -230,11 +230,11 @@ def _accuracy(drives: Sequence[SituationDrive], table: SituationTable) -> dict[s
 def place_accuracy(
     drive: SituationDrive, table: SituationTable | None, *, known_start: bool
 ) -> tuple[float, float]:
-    """Accuracy of the discrete filter with odometry and ``table``, without landmarks.
+    """Measure the accuracy of the discrete filter with odometry and ``table``, without landmarks.
 
-    The share of time in which the most probable place is the true one, and the mean probability
-    of the true place. With ``known_start`` the filter starts at the true place, else from a uniform
-    distribution.
+    Returns the share of frames at which the most probable place is the true one, and the mean
+    probability of the true place. With ``known_start`` the filter starts at the true pose, else
+    from a uniform distribution.
     """
     existence = LandmarkExistence(_PRIOR)
     belief = DiscreteFilter(drive.topo_map, DiscreteParams(), _PRIOR, existence, table)
@@ -252,7 +252,7 @@ def place_accuracy(
 
 
 def tables(data: Mapping[str, Any]) -> Iterator[ResultTable]:
-    """The table of situations and the accuracies for printing."""
+    """Yield the tables to print from the data of ``learn_situations``."""
     shares = [
         {"place": place, "observations": data["observations"].get(place, 0.0), **row}
         for place, row in data["seen_at"].items()

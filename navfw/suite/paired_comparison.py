@@ -1,4 +1,4 @@
-"""Statistics of an evaluation: intervals, tests, paired comparison of tables."""
+"""Statistics of suites: confidence intervals, tests, paired comparison of two tables of runs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from navfw.process.result_table import shown
 from navfw.suite.run_row import RunKey, RunRow
 
 MIN_RUNS = 5
-"""Number of runs, or pairs, below which an interval is no use, and none is given."""
+"""Smallest number of runs, or pairs, for which a confidence interval is given."""
 
 
 def wilson(successes: int, runs: int, confidence: float = 0.95) -> tuple[float, float]:
@@ -34,7 +34,7 @@ def wilson(successes: int, runs: int, confidence: float = 0.95) -> tuple[float, 
 
 
 def mcnemar_exact(only_a: int, only_b: int) -> float:
-    """Two-sided exact p of McNemar's test: pairs in which only A, and only B, succeeded.
+    """Two-sided exact p of McNemar's test from the numbers of pairs where only A, only B succeeded.
 
     Pairs in which both or neither succeeded do not enter the test.
 
@@ -48,11 +48,11 @@ def mcnemar_exact(only_a: int, only_b: int) -> float:
 
 
 def mcnemar_pairs(difference: float, discordant: float, power: float = 0.8) -> int:
-    """Number of pairs with which McNemar's test at 5 % finds a ``difference`` with ``power``.
+    """Number of pairs that McNemar's test at 5 % needs to find a ``difference`` with ``power``.
 
-    ``discordant`` is the share of pairs in which only one run succeeds, at least the ``difference``
-    (Connor 1987). Of two independent runs of success p it is about 2 p (1 - p); those of one seed
-    agree more often, so fewer pairs are enough.
+    ``difference`` is that of the success rates, ``discordant`` the share of pairs in which only one
+    run succeeds, at least the ``difference`` (Connor 1987): about 2 p (1 - p) for two independent
+    runs with success rate p; runs of one seed agree more often, so fewer pairs are enough.
 
     >>> mcnemar_pairs(0.02, 0.1)
     1960
@@ -66,8 +66,8 @@ def mcnemar_pairs(difference: float, discordant: float, power: float = 0.8) -> i
 def paired_interval(only_a: int, only_b: int, pairs: int) -> tuple[float, float]:
     """95 % interval of the difference of paired proportions, B minus A (Bonett and Price 2012).
 
-    A success in only one run of a pair counts for ``only_a`` or ``only_b``. Wald's interval with
-    one more of each and two more pairs: it keeps its coverage for few pairs.
+    ``only_a`` and ``only_b`` count the pairs in which only that run succeeded. It is Wald's
+    interval with one added to each count and two to ``pairs``: it keeps its coverage for few pairs.
 
     >>> low, high = paired_interval(0, 0, 98)
     >>> round(low, 3), round(high, 3)
@@ -80,7 +80,7 @@ def paired_interval(only_a: int, only_b: int, pairs: int) -> tuple[float, float]
 
 
 def median_interval(values: Sequence[float]) -> tuple[float, float] | None:
-    """95 % interval of the median by order statistics; None for too few values.
+    """95 % interval of the median by order statistics; None for fewer than six values.
 
     It assumes no distribution: the number of values below the median is binomial.
 
@@ -103,27 +103,27 @@ _OF_RUN = ("outcome", "cause", "spl", "picture")
 
 @dataclass(frozen=True, slots=True)
 class RunPair:
-    """The same entry, world, mission and seed in both tables."""
+    """Two runs of the same entry, world, mission and seed, one from each table."""
 
     a: RunRow
     b: RunRow
 
     @property
     def spl_difference(self) -> float:
-        """SPL of B minus that of A; 0 for a run without a result."""
+        """SPL of B minus that of A; a run without a result has SPL 0."""
         return (self.b.spl or 0.0) - (self.a.spl or 0.0)
 
     @property
     def configuration(self) -> str:
-        """Variant, or stack, of B; "" where A was driven with another."""
+        """Variant of B, or its stack if it has none; "" if that of A differs."""
         return self.b.configuration if self.a.configuration == self.b.configuration else ""
 
 
 def paired_changes(pairs: Sequence[RunPair]) -> dict[str, list[RunPair]]:
-    """The pairs that differ, the worst and the best first: collisions, then the change of SPL.
+    """Group the pairs that differ, those with new collisions or the largest change of SPL first.
 
-    Only A succeeded in ``lost``, only B in ``gained``. Both did in ``worse`` and ``better``, and
-    the SPL of B is lower, or higher, by more than ``_SPL_CHANGE``.
+    In ``lost`` only A succeeded, in ``gained`` only B. In ``worse`` and ``better`` both succeeded,
+    and the SPL of B is lower, or higher, by more than 0.1.
     """
     changes: dict[str, list[RunPair]] = {"lost": [], "worse": [], "gained": [], "better": []}
     for pair in pairs:
@@ -142,7 +142,7 @@ def _loss(pair: RunPair) -> tuple[bool, float]:
 
 
 def of_variant(rows: Sequence[RunRow], name: str | None) -> Sequence[RunRow]:
-    """The rows of one variant of a table; all of them when ``name`` is None.
+    """Return the rows of the variant ``name``; all rows if it is None.
 
     Raises:
         UnknownNameError: the table has no such variant.
@@ -157,10 +157,10 @@ def of_variant(rows: Sequence[RunRow], name: str | None) -> Sequence[RunRow]:
 
 
 def pair_up(first: Sequence[RunRow], second: Sequence[RunRow]) -> list[RunPair]:
-    """The runs in both tables, in the order of the first table.
+    """Pair the runs that are in both tables, in the order of the first table.
 
-    Tables with one stack per run are paired regardless of the names of the stacks, and tables with
-    one variant each regardless of the names of the variants. Cancelled runs are left out.
+    If every run was made with one stack only, the names of the stacks need not agree; if each table
+    has one variant only, nor need those of the variants. Cancelled runs are left out.
 
     Raises:
         InputError: no run is in both tables.
@@ -193,14 +193,14 @@ def pair_up(first: Sequence[RunRow], second: Sequence[RunRow]) -> list[RunPair]:
 
 
 def compare_tables(first: Sequence[RunRow], second: Sequence[RunRow]) -> dict[str, Any]:
-    """The paired comparison of two tables, B minus A; plain data.
+    """Compare two tables run by run, B (``second``) minus A (``first``); returns plain data.
 
     ``p`` is that of McNemar's exact test on success. ``spl_a``, ``spl_b`` and ``spl_difference``
     are medians over all pairs, ``mean_spl_a`` and ``mean_spl_b`` means; ``time_difference_s`` and
-    ``time_ratio`` are medians over the pairs in which both runs succeeded. Differences of success
-    and of medians have an interval of 95 %, None for too few pairs. ``lost``, ``worse``, ``gained``
-    and ``better`` list the runs of ``paired_changes``. With several variants in both tables, or
-    several stacks, ``by_configuration`` has the same of each.
+    ``time_ratio`` (B over A) are medians over the pairs in which both runs succeeded. Differences
+    of success and of medians have a 95 % interval, None for too few pairs. ``lost``, ``worse``,
+    ``gained`` and ``better`` list the runs of ``paired_changes``. With several variants in both
+    tables, or several stacks, ``by_configuration`` has the same comparison for each of them.
 
     Raises:
         InputError: no run is in both tables.
@@ -262,7 +262,7 @@ def _named(row: RunRow) -> dict[str, Any]:
 
 
 def comparison_rows(compared: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
-    """Name, value of A, value of B, and the difference with its interval, of ``compare_tables``.
+    """Rows to print of a ``compare_tables``: name, value of A, value of B, difference, as text.
 
     Success and SPL of each variant, or stack, come last.
     """

@@ -1,11 +1,11 @@
-"""The rows of a suite: a view of the results, their journal, and the cells of the table.
+"""The rows of a suite's table, one per run, and the journal that stores them.
 
 A new column is one line here: its name, its type, and where in the ``MissionResult`` it comes from.
 
-Every run that has ended is written at once to an SQLite database, the journal, which alone is read.
-A run is one transaction: after a kill or a power cut the journal has all of it or nothing. The
-primary key is the run with the fingerprint of what it was made with (``Case.content``), so that no
-run is there twice, and runs of a suite that was changed since stay beside the new ones.
+Every run that has ended is written at once to an SQLite database, the journal; rows are read only
+from there. A run is one transaction: after a kill or a power cut the journal has all of it or
+nothing. The primary key is the run's ``RunKey`` with the fingerprint of what it was made with
+(``Case.content``), so that no run is there twice, and old runs of a changed suite stay there.
 """
 
 from __future__ import annotations
@@ -54,9 +54,9 @@ class RunKey(NamedTuple):
     variant: str = ""
 
     def file_name(self, *, generated: bool) -> str:
-        """A name for files of the run, unique in the table, that tells which run it is.
+        """Return a base name for files of the run: readable, and unique in the table.
 
-        In a ``generated`` world the seed stands for the world.
+        For a ``generated`` world it leaves out world and mission, which the seed determines.
         """
         where = () if generated else (self.world, self.mission)
         words = dict.fromkeys((self.entry, *where, self.variant or self.stack, str(self.seed)))
@@ -71,9 +71,9 @@ def _of(source: Callable[[MissionResult], V], missing: V) -> V:
 def sct(succeeded: bool, time: float, shortest: float, max_speed: float) -> float:
     """Success weighted by completion time (Yokoyama, Ha, Batra 2021, arXiv 2103.08022).
 
-    S T / max(C, T) with C the ``time`` [s] taken and T the fastest time. T here is ``shortest``
-    [m] at ``max_speed`` [m/s], a bound that no robot reaches, as it has to accelerate, turn and
-    stop: the value is below the paper's, which plans T with the robot's dynamics.
+    S T / max(C, T) with S 1 for success, else 0, C the ``time`` [s] taken and T the fastest time:
+    the shortest path ``shortest`` [m] at ``max_speed`` [m/s], which no robot reaches, as it has to
+    accelerate, turn and stop. The paper plans T with the robot's dynamics: its values are higher.
 
     >>> sct(True, time=40.0, shortest=10.0, max_speed=0.5)
     0.5
@@ -84,7 +84,7 @@ def sct(succeeded: bool, time: float, shortest: float, max_speed: float) -> floa
 
 
 def barn_score(succeeded: bool, time: float, path: float) -> float:
-    """The BARN challenge's score of a run: success x OT / clip(AT, 2 OT, 8 OT).
+    """The BARN challenge's score of a run, 0 to 0.5: success x OT / clip(AT, 2 OT, 8 OT).
 
     OT is the time for the length [m] of the reference ``path`` at 2 m/s, AT the ``time`` [s] from
     the first 0.1 m to within 1 m of the goal (``run_metrics.traversal_time``). The best score is
@@ -100,7 +100,7 @@ def barn_score(succeeded: bool, time: float, path: float) -> float:
 
 
 def slowest_reasons(why_slower: Mapping[str, float], count: int = 3) -> str:
-    """The first ``count`` reasons with their share of time, as text.
+    """Format the first ``count`` reasons with their shares of time (0 to 1) as text.
 
     >>> slowest_reasons({"go_to_xy: IF a THEN b": 0.25, "speeding up": 0.1})
     '25 % go_to_xy: IF a THEN b; 10 % speeding up'
@@ -133,17 +133,17 @@ def _unexplored(run: MissionResult) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunRow:
-    """One run. Lengths in metres, times in seconds; None where a run has no such number.
+    """One run of a suite. Lengths in metres, times in seconds; None: the run has no such number.
 
-    ``cause`` is the cause of a failure (``navfw.missions.outcome.Cause``), ``reason`` says what a
-    person sees of it as well. ``collision_cause`` is the body that moved into the other: "robot" or
-    "mover". ``picture`` is a file beside the table.
-    ``variant`` is empty in suites without variants, ``hazards`` where worlds list none, what was
-    explored where nothing is; their tables have no such column. Hazards are separated by commas.
+    ``cause`` is the cause of a failure (``navfw.missions.outcome.Cause``), ``reason`` explains it
+    in words. ``collision_cause`` is the body that moved into the other: "robot" or "mover", "" for
+    none. ``picture`` is a file, relative to the table; "" if none was kept.
+    ``variant``, ``hazards`` (separated by commas) and the three figures of explorations are columns
+    of the table only if a run has a value in them (``OPTIONAL``).
     ``plugin_faults`` is the number of objections (``MissionResult.objections``). ``attempts``
-    is the number of processes that the run took: 2 if the first one died. ``cpu_time_s`` is the
-    processor time of the whole run, with its world, checks and picture, ``memory_mb`` the largest
-    resident memory [MB] of the process since its start. The others are explained at
+    is the number of processes that drove the run: 2 if the first one died. ``cpu_time_s`` is the
+    processor time of the whole run including world, checks and picture, ``memory_mb`` the largest
+    resident memory [MB] of the process since its start. The other columns are explained at
     ``navfw.missions.run_metrics.RunResult``.
     """
 
@@ -194,7 +194,7 @@ class RunRow:
 
     @classmethod
     def of(cls, columns: dict[str, Any], result: MissionResult) -> RunRow:
-        """The row of a run with a ``result``; ``columns`` are those known before it."""
+        """Make the row of a run from its ``result`` and the columns that were known before it."""
         sources = {f.name: f.metadata["source"] for f in fields(cls) if f.metadata}
         measured = {name: source(result) for name, source in sources.items()}
         if measured["cause"]:
@@ -209,7 +209,7 @@ class RunRow:
 
     @property
     def configuration(self) -> str:
-        """The variant that was driven; the stack, in a suite without variants."""
+        """The variant that was driven, or the stack in a suite without variants."""
         return self.variant or self.stack
 
     @property
@@ -219,22 +219,22 @@ class RunRow:
 
     @property
     def failure(self) -> str:
-        """Outcome and cause of a run that failed, by which failures are counted and grouped."""
+        """Outcome and cause as one text, by which failures are counted and grouped."""
         return f"{self.outcome}: {self.cause}"
 
     @property
     def died(self) -> bool:
-        """Whether the process of the run ended without a result, or was ended at a limit."""
+        """Whether the process of the run died, or was ended at its limit of time or memory."""
         return self.outcome == Outcome.FAULT and self.cause in _DEATHS
 
     @property
     def repeatable(self) -> bool:
-        """Whether another process may succeed: it died once, and not at its limit of time."""
+        """Whether to drive the run again: its process died once, and not at its time limit."""
         return self.died and self.cause != Cause.TOO_LONG and self.attempts in {None, 1}
 
     @property
     def has_result(self) -> bool:
-        """Whether the run ended by itself; ``navfw suite --resume`` drives all others again."""
+        """Whether the run was not cancelled and did not die; ``--resume`` drives others again."""
         return self.outcome != Outcome.CANCELLED and not self.died
 
 
@@ -257,14 +257,14 @@ _AGAIN = "--restart drives the suite again"
 
 
 def columns_of(rows: Iterable[RunRow]) -> tuple[str, ...]:
-    """The columns of a table of ``rows``; those of ``OPTIONAL`` are left out if all are empty."""
+    """The columns of a table of ``rows``, without those of ``OPTIONAL`` that are empty in all."""
     rows = list(rows)
     unused = {name for name in OPTIONAL if not any(getattr(row, name) for row in rows)}
     return tuple(name for name in COLUMNS if name not in unused)
 
 
 def table_cells(rows: Iterable[RunRow]) -> list[list[str]]:
-    """The cells of the table, its head first; floats keep every digit, None is empty."""
+    """The cells of the table as text, header row first; floats keep every digit, None is empty."""
     rows = list(rows)
     columns = columns_of(rows)
     return [list(columns), *([_cell(getattr(row, name)) for name in columns] for row in rows)]
@@ -280,7 +280,7 @@ def _cell(value: object) -> str:
 
 @dataclass(frozen=True)
 class RunJournal:
-    """The journal in ``file``; every method opens the database and closes it.
+    """The SQLite journal of a suite's runs in ``file``; each method opens and closes the database.
 
     Raises (all methods):
         ConfigError: the file is not a journal, is damaged, or cannot be read or written.
@@ -290,7 +290,7 @@ class RunJournal:
     file: Path
 
     def create(self) -> None:
-        """Create the file with its table, at once, as a kill may come; check one that is there."""
+        """Create the file atomically with an empty table; if there is one already, check it."""
         if is_file(self.file):
             with self._opened() as database:
                 (damage,) = database.execute("PRAGMA quick_check(1)").fetchone()
@@ -309,7 +309,7 @@ class RunJournal:
             unfinished.write_bytes(empty)
 
     def add(self, content: str, *rows: RunRow) -> None:
-        """Write the rows of runs that have ended; they replace earlier ones of the same runs."""
+        """Write rows of runs of the fingerprint ``content``; they replace rows of the same runs."""
         with self._opened() as database, database:
             for row in rows:
                 cells = json.dumps({name: _cell(getattr(row, name)) for name in COLUMNS})
@@ -317,7 +317,7 @@ class RunJournal:
                 database.execute("INSERT OR REPLACE INTO run VALUES (?, ?, ?)", values)
 
     def rows(self, contents: Iterable[str]) -> list[RunRow]:
-        """The rows that were made with one of ``contents``, in their order; of each as written."""
+        """Read the rows of the fingerprints ``contents``, in their order, then as written."""
         by_content: dict[str, list[RunRow]] = {content: [] for content in contents}
         with self._opened() as database:
             for content, cells in database.execute("SELECT content, cells FROM run ORDER BY rowid"):

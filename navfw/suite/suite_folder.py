@@ -1,7 +1,7 @@
-"""The folder of a suite: table, summary, configuration, pictures and reports.
+"""The folder of a suite's results: table, summary, configuration, pictures and reports.
 
-``journal.sqlite`` has every run that has ended (``navfw.suite.run_row``); rows are read from
-it alone. ``table.csv``, one row per run, is exported from it, ``summary.json`` is the summary,
+``journal.sqlite`` has every run that has ended (``navfw.suite.run_row``); rows are read only
+from it. ``table.csv``, one row per run, is exported from it, ``summary.json`` is the summary,
 ``table.md`` the summary as Markdown.
 ``suite.json`` identifies worlds, missions and stacks, so that an interrupted suite is continued
 with the same ones only.
@@ -33,11 +33,11 @@ if TYPE_CHECKING:
 TABLE, SUMMARY, _ABOUT, _PICTURES = "table.csv", "summary.json", "suite.json", "pictures"
 _MARKDOWN, _JOURNAL = "table.md", "journal.sqlite"
 COMPARISON = "comparison.html"
-"""The report of two suites, in the folder of the second."""
+"""File name of the report that compares two suites, in the folder of the second."""
 
 StartMode = Literal["new", "resume", "extend", "restart"]
-"""How a suite begins: in an empty folder; with the runs that it has; with those that a change of
-the suite has not touched; anew, with the earlier results moved aside."""
+"""How a suite starts: in an empty folder; keeping the finished runs; keeping those that a change of
+the suite does not concern; from the beginning, with the earlier results moved aside."""
 
 _OWN = (TABLE, SUMMARY, _MARKDOWN, _ABOUT, _PICTURES, _JOURNAL, *BESIDE, REPORT, COMPARISON)
 _BEFORE = "before-"
@@ -46,7 +46,7 @@ _BEFORE = "before-"
 
 @dataclass(frozen=True)
 class SuiteFolder:
-    """The folder of a suite's results; ``claim`` locks it, ``open`` creates or continues it."""
+    """The folder of a suite's results; ``claim`` creates and locks it, ``open`` fills it."""
 
     path: Path
 
@@ -62,7 +62,7 @@ class SuiteFolder:
 
     @property
     def lock(self) -> TargetLock:
-        """The lock on the folder; inside it, as the folder above may be read-only."""
+        """The lock on the folder; its file is inside, as the parent folder may be read-only."""
         return TargetLock(self.path.absolute() / "suite")
 
     @property
@@ -72,7 +72,7 @@ class SuiteFolder:
 
     @property
     def report(self) -> Path:
-        """What a person reads of the suite: its page of ``navfw report``, or what there is."""
+        """The file to show a person: the page of ``navfw report``, ``table.md``, or the table."""
         files = (self.path / name for name in (REPORT, _MARKDOWN, TABLE))
         return next((file for file in files if is_file(file)), self.path)
 
@@ -82,16 +82,16 @@ class SuiteFolder:
         return is_file(self.journal.file) or is_file(self.table)
 
     def recording(self, row: RunRow) -> Path:
-        """The run folder of a run that was recorded (``navfw suite --record``)."""
+        """The folder of the recording of ``row``; it exists only if the suite kept it."""
         name = row.key.file_name(generated=bool(row.family))
         return self.path / RECORDINGS / name
 
     @classmethod
     @contextlib.contextmanager
     def claim(cls, chosen: Path | None, plan: SuitePlan, seeds: range) -> Iterator[SuiteFolder]:
-        """The folder ``chosen``, or the first free one of ``runs/SUITE-A-B``, ``runs/...-2``.
+        """Create and lock the folder ``chosen``, or the first free ``runs/SUITE-A-B``, ``...-2``.
 
-        It is created, cleared of what a dead process left unfinished, and locked in this context.
+        Files that a dead process left unfinished are removed; the lock is held in this context.
 
         Raises:
             InputError: it cannot be written, or another process writes it.
@@ -118,10 +118,10 @@ class SuiteFolder:
         begin: StartMode = "new",
         tell: Callable[[str], None] = lambda text: None,
     ) -> list[RunRow]:
-        """Create the folder, or continue what is in it; returns the rows of the plan's runs.
+        """Begin or continue the folder's files; return the rows of the plan that it has already.
 
-        ``run_suite`` drives those among them again that ended without a result. ``tell`` is called
-        with what a person is to know: what was kept of a changed suite.
+        ``run_suite`` drives those of them again that ended without a result. ``tell`` is called
+        with messages for the user: what was moved aside, or kept of a changed suite.
 
         Raises:
             InputError: the folder cannot be written, is not empty (with ``new``), or belongs to
@@ -170,9 +170,9 @@ class SuiteFolder:
         return aside
 
     def rows(self) -> list[RunRow]:
-        """The rows of all runs that have ended, by entry, mission, variant and stack.
+        """Read the rows of all runs that have ended, in the order of the plan.
 
-        Also while a suite runs, or after a kill.
+        This works also while the suite runs, or after it was killed.
 
         Raises:
             InputError: there is no such folder, or its journal is missing or damaged.
@@ -182,7 +182,7 @@ class SuiteFolder:
         return self.journal.rows(self.about().get("current", []))
 
     def summary(self) -> dict[str, Any]:
-        """The summary that was written last, empty before the first.
+        """Read the summary that was written last; empty if there is none yet.
 
         Raises:
             ConfigError: it is damaged.
@@ -192,7 +192,7 @@ class SuiteFolder:
         return read_json_object(file) if is_file(file) else {}
 
     def save(self, rows: Sequence[RunRow], summary: Mapping[str, Any]) -> None:
-        """Write table and summary, and remove the folder of pictures if it is empty."""
+        """Write ``table.csv``, ``summary.json``, ``table.md``; remove an empty picture folder."""
         write_text(self.table, table_cells(rows))
         self._write(SUMMARY, summary)
         write_text(self.path / _MARKDOWN, brief_table(summary).markdown())
@@ -200,10 +200,10 @@ class SuiteFolder:
             self.pictures.rmdir()
 
     def about(self) -> dict[str, Any]:
-        """The content of ``suite.json``: suite, its hash, options, content, revisions, machines.
+        """Read ``suite.json``: suite, its hash, options, content, revisions, machines.
 
-        ``current`` has the contents (``Case.content``) of the runs that belong to the suite now, in
-        the order of its plan.
+        ``current`` has the fingerprints (``Case.content``) of the runs that belong to the suite
+        now, in the order of its plan.
 
         Raises:
             ConfigError: there is no such file, or it is damaged.
@@ -276,11 +276,11 @@ def _created(chosen: Path | None, default: Path) -> Path:
 
 
 def load_suite(folder: str | Path) -> SuiteFrame:
-    """The runs in a ``folder`` of ``navfw suite`` as a table of pandas, also while it runs.
+    """Read the runs in a ``folder`` of ``navfw suite`` as a pandas table, also while it runs.
 
     Raises:
         MissingExtraError: pandas is not installed.
-        InputError: it is no folder of a suite, or its journal is damaged.
+        InputError: ``folder`` is not that of a suite, or its journal is damaged.
 
     """
     from navfw.suite.suite_frame import SuiteFrame

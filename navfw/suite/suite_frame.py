@@ -1,4 +1,4 @@
-"""The runs of a suite as a table of pandas: typed columns, comparison, plots, tables for papers."""
+"""The runs of a suite as a pandas table: typed columns, comparison, plots, tables for papers."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ _TYPES = {"str": "string", "int": "Int64", "float | None": "Float64", "int | Non
 
 
 class SuiteFrame(pandas.DataFrame):  # type: ignore[misc] # pandas has no types
-    """A row per run, with the columns of ``navfw.suite.run_row.RunRow``, and ``succeeded``.
+    """One row per run, with the columns of ``navfw.suite.run_row.RunRow``, and ``succeeded``.
 
-    What selects rows gives another one: ``runs[runs.family == "rooms"].compare(others)``.
+    Selected rows are a SuiteFrame again: ``runs[runs.family == "rooms"].compare(others)``.
     """
 
     @property
@@ -33,7 +33,7 @@ class SuiteFrame(pandas.DataFrame):  # type: ignore[misc] # pandas has no types
 
     @classmethod
     def of(cls, rows: list[RunRow]) -> SuiteFrame:
-        """The table of ``rows``."""
+        """Make the table of ``rows``."""
         columns = {
             field.name: pandas.array(
                 [getattr(row, field.name) for row in rows], _TYPES[str(field.type)]
@@ -44,15 +44,15 @@ class SuiteFrame(pandas.DataFrame):  # type: ignore[misc] # pandas has no types
 
     @property
     def rows(self) -> list[RunRow]:
-        """The runs."""
+        """The rows of the table as ``RunRow`` objects."""
         plain = self.drop(columns="succeeded").astype(object)
         records: list[dict[str, Any]] = plain.where(plain.notna(), None).to_dict("records")
         return [RunRow(**record) for record in records]
 
     def compare(self, other: SuiteFrame) -> pandas.DataFrame:
-        """Run by run, ``other`` minus this one: success, SPL, time, collisions with intervals.
+        """Compare run by run, B (``other``) minus A (this): success, SPL, time, collisions.
 
-        ``attrs`` has all that ``navfw report A B --json`` prints.
+        ``attrs`` of the returned table has all that ``navfw report A B --json`` prints.
 
         Raises:
             InputError: no run is in both tables.
@@ -64,7 +64,7 @@ class SuiteFrame(pandas.DataFrame):  # type: ignore[misc] # pandas has no types
         return table.set_index("")
 
     def plot_families(self, column: str = "spl") -> Axes:
-        """Box plots of a ``column`` by family, or by world."""
+        """Draw a box plot of a ``column`` per family, or per world if a run has no family."""
         group = "family" if (self["family"] != "").all() else "world"
         axes: Axes = self.astype({column: float}).boxplot(column=column, by=group)
         axes.figure.suptitle("")
@@ -72,7 +72,7 @@ class SuiteFrame(pandas.DataFrame):  # type: ignore[misc] # pandas has no types
         return axes
 
     def plot_pairs(self, other: SuiteFrame, column: str = "spl") -> Axes:
-        """A point per run in both tables: ``column`` of ``other`` over that of this one.
+        """Draw a point per run in both tables: ``column`` here on x, of ``other`` on y.
 
         Raises:
             InputError: no run is in both tables.
@@ -91,9 +91,9 @@ class SuiteFrame(pandas.DataFrame):  # type: ignore[misc] # pandas has no types
         return axes
 
     def summary_markdown(self) -> str:
-        """A row per entry or variant: success with its interval, collisions, SPL, time."""
+        """One row per entry or variant: success with its interval, collisions, SPL, time."""
         return brief_table(summarize(self.rows)).markdown()
 
     def summary_latex(self) -> str:
-        """The table of ``summary_markdown`` for LaTeX with the package booktabs."""
+        """The table of ``summary_markdown`` as LaTeX; it needs the package booktabs."""
         return brief_table(summarize(self.rows)).latex()

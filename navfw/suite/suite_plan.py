@@ -45,16 +45,16 @@ from navfw.suite.suitefile import (
 from navfw.suite.taught_maps import planned_session
 
 _MAX_RUNS = 200_000
-"""Largest number of runs of a suite, against mistyped ranges of seeds."""
+"""Largest number of runs of a suite; it catches mistyped ranges of seeds."""
 
 
 @dataclass(frozen=True)
 class SuitePlan:
     """All runs of a suite in the order of the table, and what determines them.
 
-    ``content`` has a fingerprint of everything that a result depends on, by name: entries, world
+    ``content`` has the fingerprints of everything that a result depends on, by name: entries, world
     and mission files, resolved stacks. Seeds are not part of it: a table may be extended by seeds.
-    ``expect`` has what passes, by entry. ``skipped`` has the reason for each variant left out.
+    ``expect`` says by entry when a run passes, ``skipped`` by variant why it is left out.
     ``suite_hash`` is the SHA-256 of the suite's file, ``options`` are the options of ``navfw
     suite`` that change what is run.
     """
@@ -79,13 +79,13 @@ def plan_runs(
     variants: Sequence[str] = (),
     progress: Callable[[int, int, str], object] = lambda done, total, now: None,
 ) -> SuitePlan:
-    """Expand and check a suite.
+    """Expand a suite into its runs, and check each mission by building its stack.
 
     ``stacks``, if given, replace those of the entries: every entry is run with each of them. An
-    entry without a stack uses the stack named by each mission. ``overrides`` follow those of the
-    entries. ``worlds`` replaces every folder named by an entry. ``variants`` are those to run, all
-    if empty. A variant whose package is not installed is listed in the plan's ``skipped``.
-    ``progress`` is called with the missions checked, their number, and the one to be checked now.
+    entry without a stack uses the stack named by each mission. ``overrides`` are applied after
+    those of the entries. ``worlds`` replaces every folder named by an entry. ``variants`` names
+    those to run; all if empty. A variant whose package is not installed is listed in ``skipped``.
+    ``progress`` is called with the number of missions checked, that of all, and the next world.
 
     Raises:
         InputError: a world, mission, family or stack does not exist or is invalid; the message has
@@ -282,9 +282,9 @@ def _stack_of(suite: Suite, index: int, variant: str = "") -> Path | None:
 
 
 def case_templates(suite: Suite, index: int, worlds: Path | None = None) -> list[Case]:
-    """A case for each mission of the entry ``index``, still without seed, stack and overrides.
+    """Make a case for each mission of the entry ``index``, without seed, stack and overrides.
 
-    ``worlds`` replaces the folder named by the entry.
+    ``worlds`` replaces the folder of worlds named by the entry.
 
     Raises:
         InputError: a world or mission does not exist; the message has the suite's file, line and
@@ -359,9 +359,9 @@ def run_generated(
     stack: str | None = None,
     set: Settings = (),  # noqa: A002 - as on the command line
 ) -> MissionResult:
-    """Drive the generated world of a seed, as ``navfw suite`` does; nothing is written.
+    """Drive the generated world of a seed, as ``navfw suite`` does, without writing files.
 
-    Of a range the seed draws its ``difficulty``. ``stack`` and ``set`` are those of ``navfw.run``.
+    From a range, the seed draws ``difficulty``. ``stack`` and ``set`` are those of ``navfw.run``.
 
     Raises:
         InputError: there is no such family or difficulty, or ``seed``, ``stack`` or ``set`` is

@@ -1,6 +1,6 @@
-"""Runs a suite: all cases without a row, each journaled as it ends, with table and summary.
+"""Run the cases of a suite that have no row yet; journal each as it ends; write the summary.
 
-In a worker process a case becomes a row of the table, even after an exception.
+``run_case`` makes the row of a case in a worker process, even after an exception.
 """
 
 from __future__ import annotations
@@ -33,20 +33,20 @@ from navfw.suite.worker_pool import WorkerFailure, WorkerPool, stop_requested
 
 
 class Engine(Protocol):
-    """Runs cases (``WorkerPool``, ``DaskEngine``)."""
+    """Where cases are driven: a ``WorkerPool`` or a ``DaskEngine``."""
 
     @property
     def capacity(self) -> int:
         """Number of cases that run at the same time, at least 1."""
 
     def run(self, cases: Iterable[Case], /) -> Iterator[tuple[Case, RunRow | WorkerFailure]]:
-        """Each case with its result, in the order of completion."""
+        """Drive all cases; yield each with its result, in the order of completion."""
 
 
 def engine_for(
     cases: Sequence[Case], scheduler: str | None, workers: int, limit: float, memory: float
 ) -> contextlib.AbstractContextManager[Engine]:
-    """What drives ``cases``: a ``scheduler`` of Dask, or ``workers`` processes of this machine.
+    """The engine for ``cases``: a Dask ``scheduler`` address, else ``workers`` local processes.
 
     ``limit`` [s] and ``memory`` [MB] bound a run's wall time and its process's memory.
 
@@ -62,16 +62,16 @@ def engine_for(
 
 
 def answered_row(case: Case, answer: RunRow | WorkerFailure) -> RunRow:
-    """What an engine answers for ``case``, as a row."""
+    """Turn an engine's answer for ``case`` into a row; a failure gives the outcome ``fault``."""
     return case.fault(answer.reason, answer.cause) if isinstance(answer, WorkerFailure) else answer
 
 
 @dataclass(frozen=True)
 class SuiteResult:
-    """The rows of a suite in the plan's order, their summary, and whether no run is missing.
+    """The rows of a suite in the plan's order, and their summary.
 
-    ``interrupted``: Ctrl-C or SIGTERM has ended it.
-    ``unsaved`` is why table and summary could not be written at the end; "" if they were.
+    ``complete`` is whether no run is missing, ``interrupted`` whether Ctrl-C or SIGTERM ended it.
+    ``unsaved`` is the reason why table and summary could not be written; "" if they were.
     """
 
     rows: tuple[RunRow, ...]
@@ -82,10 +82,7 @@ class SuiteResult:
 
     @property
     def exit_code(self) -> int:
-        """0: success; 1: runs have no result, or a plugin failed; 3: the table is not written.
-
-        130: interrupted.
-        """
+        """0: success; 1: results missing or a plugin failed; 3: nothing saved; 130: interrupted."""
         if self.unsaved:
             return 3
         if self.interrupted:
@@ -106,14 +103,14 @@ def run_suite(
 ) -> SuiteResult:
     """Run all cases of ``plan`` that have no row with a result in ``have`` yet.
 
-    ``keep`` and ``record`` say of which runs pictures and recordings are kept. ``on_row`` is called
-    with every run as it ends; by then it is in the journal of ``out``. A run that dies with its
-    process is driven again, once, after all others. Ctrl-C, SIGTERM, or a folder that cannot be
-    written end the suite early. At the end the table in ``out`` contains all runs that have ended,
-    unless it cannot be written (``SuiteResult.unsaved``).
+    ``keep`` and ``record`` say for which runs pictures and recordings are kept. ``on_row`` is
+    called with every run as it ends, after it was written to the journal of ``out``. A run whose
+    process died is driven again, once, after all others. Ctrl-C, SIGTERM, or a folder that cannot
+    be written end the suite early. At the end the table in ``out`` contains all runs that have
+    ended, unless it cannot be written (``SuiteResult.unsaved``).
 
     Raises:
-        SimulationError: every worker process dies before it completes a run, or none can be
+        SimulationError: all worker processes die before any completes a run, or none can be
             started.
 
     """
@@ -177,7 +174,7 @@ def run_case(case: Case) -> RunRow:
     """Run ``case`` and return its row; an exception gives a row with the outcome fault.
 
     Raises:
-        SimulationError: the simulator cannot be started, or its temporary files not be written.
+        SimulationError: the simulator cannot start or cannot write its temporary files.
 
     """
     began = time.process_time()

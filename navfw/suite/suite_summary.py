@@ -22,17 +22,17 @@ _P_SHOWN = 1e-4
 
 
 def summarize(rows: Sequence[RunRow], expect: Mapping[str, Expect] | None = None) -> dict[str, Any]:
-    """The summary of all runs, and of each entry under ``by_entry``; plain data.
+    """Summarize all runs, and those of each entry under ``by_entry``, as plain data.
 
     ``success`` is a proportion with its Wilson interval (95 %). SPL, SCT and the BARN score are
-    means over all runs, 0 for failures; the latter is None where no mission has a reference path.
+    means over all runs, 0 for failures; the BARN score is None if no mission has a reference path.
     ``collisions`` is the number of collisions, ``collision_rate`` the share of runs with one,
     ``collisions_by_robot`` the number of runs in which the robot moved into the object, ``died``
     the number of runs whose process ended without a result, ``plugin_faults`` the number of
     objections to the runs. ``mean_time_s`` is over the successful runs, ``cpu_time_s`` a mean,
     ``memory_mb`` the largest.
-    Numbers that no run has are None. With more than one stack, ``by_stack`` has the summary of
-    each, and ``by_hazard`` that of the runs in worlds with each hazard. Entries in ``expect`` have
+    Figures that no run has are None. With more than one stack, ``by_stack`` has the summary of
+    each; ``by_hazard`` has that of the runs in worlds with each hazard. Entries in ``expect`` have
     ``expect``, the number of runs that ``passed``, and whether the entry ``passes``. With variants,
     ``by_variant`` replaces ``by_stack``; it has the summary of each variant and of its entries, and
     ``p`` of McNemar's exact test on success against the first variant.
@@ -143,7 +143,7 @@ def _numbers(rows: Sequence[RunRow]) -> dict[str, Any]:
 
 
 def equal_configurations(rows: Sequence[RunRow]) -> list[list[str]]:
-    """The variants, or stacks, that drove the same commands in the same runs, with their equals."""
+    """Groups of two or more variants, or stacks, that drove equal commands in all runs."""
     driven: dict[str, dict[tuple[str, str, str, int], str]] = {}
     for row in rows:
         driven.setdefault(row.configuration, {})[_run(row)] = row.command_hash
@@ -196,10 +196,10 @@ _BRIEF = {"runs", "success [95 %]", "collided", "mean SPL", "mean time", "faults
 
 
 def summary_table(summary: Mapping[str, Any]) -> ResultTable:
-    """A row for each entry, then each stack, variant and hazard, then all.
+    """The summary to print: a row for each entry, then each stack, variant and hazard, then all.
 
-    Without other rows there is one row. Columns without a value are left out. ``passes`` is the
-    last column where an entry expects something.
+    The row of all is left out if it would be the second. Columns without a value are left out.
+    The last column is ``passes`` if an entry has ``expect``.
     """
     rows = dict(summary["by_entry"])
     for kind in ("stack", "variant", "hazard"):
@@ -218,9 +218,9 @@ def summary_table(summary: Mapping[str, Any]) -> ResultTable:
 def brief_table(summary: Mapping[str, Any]) -> ResultTable:
     """One row per variant, with its success in every entry; without variants, one row per entry.
 
-    Success in percent with its Wilson interval (95 %); ``p`` is of McNemar's exact test against the
-    first variant. Time is the mean over the runs that reached their goals. ``faults`` counts plugin
-    faults.
+    Success is in percent with its Wilson interval (95 %); ``p`` is that of McNemar's exact test
+    against the first variant. Time is the mean over the runs that reached their goals. ``faults``
+    counts plugin faults.
     """
     columns = [column for column in _columns(0) if column.title in _BRIEF]
     if "by_variant" in summary:

@@ -1,4 +1,4 @@
-"""Suite files: the worlds, missions and families of generated worlds of an evaluation.
+"""Suite files: the worlds, missions and families of generated worlds that a suite evaluates.
 
 ::
 
@@ -10,12 +10,12 @@
         missions: [lobby-to-lab]      # default: all of the world
         stack: default
         set: {avoid.spare: 0.1, mission.timeout: 120}
-      - name: black for 6 s           # events during the mission, and what passes then
+      - name: black for 6 s           # with events, and the behaviour that passes
         family: rooms
         events: [{at: 8, lasting: 6, camera: black}]
         expect: arrival
       - {name: map it, family: rooms, explore: {limit: 600}}   # instead of a mission
-      - {world: office, taught: {source: tour}}   # on a map that is made before
+      - {world: office, taught: {source: tour}}   # on a map that is made first
       - worlds: ../imported           # a folder of worlds, each with its missions; see --worlds
     variants:                         # every run is made with each variant
       default: {}
@@ -45,13 +45,13 @@ from navfw.missions.missionspec import EventSpec, ExploreSpec
 from navfw.sim.worldspec import MAX_CONTRAST, Look
 
 MAX_SEED = 2**32
-"""Seeds are below this."""
+"""Seeds must be below this."""
 
 _MAX_SEEDS = 100_000
-"""Largest number of seeds of a suite, against mistyped ranges."""
+"""Largest number of seeds of a suite; it catches mistyped ranges."""
 
 Expect = Literal["arrival", "stop"]
-"""What passes: reaching the goals, or a stop without a collision for a known reason."""
+"""When a run passes: it reaches its goals, or it stops for a known reason without collision."""
 
 Name = Annotated[str, Field(min_length=1, max_length=60, pattern=r"^[\w][\w .+-]*$")]
 Contrast = Annotated[float, Field(ge=0.0, le=MAX_CONTRAST)]
@@ -65,7 +65,7 @@ def _ascending(interval: tuple[float, float]) -> tuple[float, float]:
 
 
 class TaughtSpec(StrictModel):
-    """A map that is made before, and missions between random places of it."""
+    """Missions between random places of a map that is made first, from a tour or exploration."""
 
     source: Annotated[
         Literal["tour", "explore"],
@@ -164,7 +164,7 @@ class EntrySpec(StrictModel):
 
     @property
     def title(self) -> str:
-        """Its name in the table."""
+        """The entry's name in the table."""
         if self.name is not None:
             return self.name
         source = self.family or self.world or self.worlds or ""
@@ -182,7 +182,7 @@ class EntrySpec(StrictModel):
 
 
 class VariantSpec(StrictModel):
-    """A variant: changes applied to all runs of a suite."""
+    """A variant: changes to the configuration with which every run of a suite is repeated."""
 
     stack: Annotated[
         str | None, Field(description="a stack's name or file; replaces the entries'")
@@ -207,7 +207,7 @@ class VariantSpec(StrictModel):
 
 
 def lacking_packages(variants: Mapping[str, VariantSpec]) -> dict[str, str]:
-    """Why variants cannot be run, by name: the package that they need is not installed."""
+    """The variants whose package is not installed: the reason, by name of the variant."""
     return {
         name: f"needs {variant.package}, which is not installed"
         for name, variant in variants.items()
@@ -225,7 +225,7 @@ def _options(changes: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 class SuiteSpec(StrictModel):
-    """A suite as its file has it."""
+    """The schema of a suite file."""
 
     description: Annotated[str, Field(description="one line for people")] = ""
     entries: Annotated[tuple[EntrySpec, ...], Field(min_length=1, max_length=1000)]
@@ -237,7 +237,7 @@ class SuiteSpec(StrictModel):
 
 @dataclass(frozen=True)
 class Suite:
-    """A loaded suite file."""
+    """A loaded suite file with the positions of its keys."""
 
     name: str
     file: Path
@@ -246,20 +246,20 @@ class Suite:
 
     @property
     def variants(self) -> dict[str, VariantSpec]:
-        """The variants by name; a single variant without a name if the suite has none."""
+        """The variants by name; one without changes, named "", if the suite has none."""
         variants = {name: spec or VariantSpec() for name, spec in self.spec.variants.items()}
         return variants or {"": VariantSpec()}
 
     def locating(
         self, index: int, key: str = "", variant: str = ""
     ) -> AbstractContextManager[None]:
-        """Give errors in the block the file, line and key of this entry or variant."""
+        """Context in which errors get the file, line and key of this entry or variant."""
         path: KeyPath = ("variants", variant) if variant else ("entries", index)
         return self.document.locating((*path, key) if key else path)
 
 
 def load_suite(name: str | Path) -> Suite:
-    """Load the suite of that name or file; ``navfw.suite.suite_plan`` checks its worlds.
+    """Load a suite by name or file; its worlds are not checked until ``plan_runs``.
 
     Raises:
         UnknownNameError: there is no suite of that name.
@@ -281,13 +281,13 @@ def load_suite(name: str | Path) -> Suite:
 
 
 def parse_seeds(text: str) -> range:
-    """``A:B``: the seeds from A up to, but not including, B.
+    """Parse ``A:B`` as the seeds from A up to, but not including, B.
 
     >>> parse_seeds("1000:1200")
     range(1000, 1200)
 
     Raises:
-        InputError: it is malformed, empty, or out of range.
+        InputError: ``text`` is malformed, or its range is empty or too large.
 
     """
     first, colon, last = text.partition(":")

@@ -1,7 +1,7 @@
-"""Drives on maps that are made before: by teaching a recorded tour of a world, or by exploring it.
+"""Drives on maps that are made first: by teaching a recorded tour of a world, or by exploring it.
 
 A map is made once for the seeds that share it (``TaughtSpec.seeds``), and kept in the folder
-``maps`` of the suite. On the world's own map (``given_map``) the same starts and goals are driven.
+``maps`` of the suite. With ``given_map`` the same starts and goals use the world's own map.
 """
 
 from __future__ import annotations
@@ -41,23 +41,23 @@ from navfw.topomap import Place, TopoMap, load_map
 from navfw.topomap.map_formats import save_map
 
 _ANYWHERE = Destination((0.0, 0.0))
-"""A goal for missions of which only the world's part is used, or that get other goals."""
+"""A goal for missions from which only the robot is used, or whose goals are replaced."""
 _LIMIT = 1500.0
-"""Time of a tour or exploration [s]."""
+"""Longest simulated time of a tour or exploration [s]."""
 _WAIT = 7200.0
 """Longest wall time [s] to wait for another process that makes the same map."""
 _TOUR_STREAM, _MOVED_STREAM = 0x70A2, 0x30FE
 """Spawn keys of the random streams that draw the order of a tour, and what is moved."""
 _DETOUR = 1.5
-"""Largest ratio by which the next place of a tour is farther than the nearest one."""
+"""Largest ratio of the distance of the next place of a tour to that of the nearest place."""
 _MOVES, _TRIES = (0.3, 1.2), 30
 """Distance [m] by which furniture is moved, and the number of draws for one piece."""
 _ROOM = 0.1
-"""Room [m] that moved furniture leaves beside the robot on its way, and to other things."""
+"""Free space [m] that moved furniture leaves beside the robot's path and to other things."""
 
 
 def driven_session(case: Case, registry: Registry) -> Session:
-    """The session of ``case``; its map is made first if it is a taught one.
+    """Load the session of ``case``; with ``taught``, its map is made first and written to a file.
 
     Raises:
         InputError: world, mission or stack is wrong, or no map could be made.
@@ -84,10 +84,10 @@ def driven_session(case: Case, registry: Registry) -> Session:
 
 
 def planned_session(case: Case, registry: Registry) -> Session:
-    """A session to check ``case`` by before anything is driven.
+    """Build a session that checks ``case`` before anything is driven.
 
-    For a map that is still to be made it is that of the drive that shows the world, with the stack
-    that will drive on the map: without one of its own, ``floor_plan``, as such maps have one.
+    If its map is still to be made, this is the session of the tour or exploration, with the stack
+    that will drive on the map: by default ``floor_plan``, as such maps have a floor plan.
 
     Raises:
         InputError: world, mission or stack is wrong.

@@ -1,7 +1,7 @@
-"""Jobs in worker processes: single-threaded, replaceable, isolated from each other.
+"""Run jobs in worker processes, which are single-threaded, replaceable and isolated.
 
-Processes are spawned, not forked, so that no state of this process leaks into a run. Each has a
-pipe of its own, so that the job of a dead process is known (an executor would lose all of them).
+Processes are spawned, not forked, so that no state of this process leaks into a run. Each has its
+own pipe, so that the job of a dead process is known (an executor would lose all jobs).
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ _RECYCLE = 100
 """Number of jobs after which a process is replaced: the simulator's libraries leak memory."""
 
 PERIOD = 0.5
-"""Period [s] of looking for an interruption."""
+"""Period [s] of checking for an interruption."""
 
 _LOOK_PERIOD = 0.25
-"""Period [s] in which a worker looks at its memory and its parent."""
+"""Period [s] in which a worker checks its memory and whether its parent lives."""
 
 GRACE = 10.0
-"""Time [s] for a worker to end its job after a request to stop."""
+"""Time [s] that a worker has to end its job after a request to stop."""
 
 _OVER_MEMORY = 86
 """Exit code of a worker that has exceeded its limit of memory."""
@@ -52,7 +52,7 @@ _OVER_MEMORY = 86
 _LIBRARIES = ("OMP_NUM", "OPENBLAS_NUM", "MKL_NUM", "NUMEXPR_NUM", "NUMBA_NUM", "VECLIB_MAXIMUM")
 _SINGLE_THREADED = {f"{library}_THREADS": "1" for library in _LIBRARIES}
 _SINGLE_THREADED["OPENCV_FOR_THREADS_NUM"] = "1"
-"""Environment variables by which numerical libraries use one thread."""
+"""Environment variables that limit numerical libraries to one thread."""
 
 JobT = TypeVar("JobT")
 ResultT = TypeVar("ResultT")
@@ -65,24 +65,24 @@ _stop: _Flag | None = None
 
 @dataclass(frozen=True, slots=True)
 class WorkerFailure:
-    """A job whose process ended without a result, and why: died, too long, too much memory."""
+    """The reason why a job has no result: its process died, took too long or too much memory."""
 
     reason: str
     cause: Cause = Cause.PROCESS_DIED
 
 
 def stop_requested() -> bool:
-    """In a worker process: whether the user has stopped the suite."""
+    """Whether the user has asked to stop the suite; False outside of worker processes."""
     return _stop is not None and _stop.value != 0
 
 
 @dataclass
 class WorkerPool(Generic[JobT, ResultT]):
-    """A context manager; ``run`` yields each job with its result, in the order of completion.
+    """Runs jobs in ``workers`` processes; a context manager, which ends them on exit.
 
-    ``work`` is a function of a module (it is pickled by name). A job that takes longer than
-    ``limit`` [s] of wall-clock time is ended with its process, and so is one whose process has more
-    than ``memory`` [MB] of resident memory.
+    ``work``, called with each job, is a function of a module (it is pickled by name). A job that
+    takes longer than ``limit`` [s] of wall-clock time is ended with its process, and so is one
+    whose process exceeds ``memory`` [MB] of resident memory. ``recycle`` jobs end a process.
     """
 
     work: Callable[[JobT], ResultT]
@@ -115,13 +115,13 @@ class WorkerPool(Generic[JobT, ResultT]):
         return self.workers
 
     def run(self, jobs: Iterable[JobT]) -> Iterator[tuple[JobT, ResultT | WorkerFailure]]:
-        """Run all jobs; may be called again with others.
+        """Run all jobs and yield each with its result, in the order of completion.
 
         Raises:
             SimulationError: several processes have died, and none has completed a job, or none can
                 be started.
-            KeyboardInterrupt: of the user; raised once the workers have stopped, and what they had
-                finished by then has been yielded.
+            KeyboardInterrupt: the user interrupted; raised after the workers have stopped and
+                the jobs finished by then have been yielded.
 
         """
         waiting, failed, end = deque(jobs), 0, math.inf  # the time by which all have to stop
