@@ -1,4 +1,4 @@
-"""Missions: files, the runner, outcomes and metrics; the one room between stack and simulator."""
+"""Missions: their files, the run loop, outcomes and metrics; it joins stack and simulator."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""What an exploration observed of the floor that can be reached, and why the rest was left."""
+"""Evaluates an exploration: how much of the reachable floor was observed, and why not the rest."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from navfw.sim.scene_geometry import ConfigurationSpaceGrid, SceneGeometry
 from navfw.sim.world_changes import WalkerTrack
 
 _POINT_RADIUS = 0.03
-"""Radius [m] of a robot for which a passage is open but for its width."""
+"""Radius [m] of a nearly point-shaped robot, to tell narrow passages from closed ones."""
 _LEFT_AREA = 0.25
 """Least area [m^2] of an unobserved region that is listed."""
 _BESIDE = 1.0
-"""Distance [m] of a walker or a frontier that was given up from the region that it explains."""
+"""Largest distance [m] from an unobserved region of the walker or frontier that explains it."""
 _STAYED = 0.2
-"""Share of the time that a walker is beside a region to be in the way."""
+"""Smallest share of the run that a walker is beside a region for it to be the explanation."""
 
 
 @dataclass(frozen=True, slots=True)
 class UnexploredRegion:
-    """Floor around x, y [m] that was not observed, ``area`` [m^2], and ``why``."""
+    """A region of floor that was not observed: a point x, y [m, ``map``] in it, ``area`` [m^2]."""
 
     x: float
     y: float
@@ -40,11 +40,12 @@ class UnexploredRegion:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExplorationResult:
-    """What was observed of the ``reachable_m2`` of floor that the robot's body can reach.
+    """The outcome of an exploration, over the ``reachable_m2`` of floor that the robot can cover.
 
-    ``observed_share`` is of that floor, ``tour_m`` the length of the nearest-frontier tour on the
-    true map (``TrueTour``), ``path_over_tour`` that of the path driven over it. ``returned``: the
-    robot truly stands at its start. ``unexplored`` are regions not observed, largest first.
+    ``observed_share`` is the share of that floor that was observed, ``tour_m`` the length of the
+    nearest-frontier tour on the true map (``TrueTour``), ``path_over_tour`` the driven length
+    divided by it. ``returned``: the robot truly stands at its start. ``unexplored`` is sorted by
+    area, largest first.
     """
 
     observed_share: float
@@ -63,8 +64,8 @@ class ExplorationResult:
 class ReachableFloor:
     """The floor of a true plan that a body can reach: masks (rows, columns) of cells of ``grid``.
 
-    ``floor`` is what the body covers from anywhere that it reaches; ``beyond`` is floor that only
-    a smaller body would reach, and ``shut`` what it would reach with all doors open.
+    ``floor`` is what the body covers at all poses that it can reach. ``beyond`` would be covered
+    only by a smaller body, ``shut`` only with all doors open.
     """
 
     grid: ConfigurationSpaceGrid
@@ -76,7 +77,7 @@ class ReachableFloor:
     def of(
         cls, plan: SceneGeometry, passable: SceneGeometry, robot: RobotModel, start: Pose
     ) -> ReachableFloor:
-        """The floor of ``plan`` for ``robot`` from ``start``; ``passable`` has all doors open."""
+        """Compute the floor of ``plan`` for ``robot`` from ``start``; ``passable``: doors open."""
         radius = robot.radius
         solid = plan.configuration_space(0.0)
         floor = _covered(plan, radius, start) & ~solid.occupied
@@ -85,7 +86,7 @@ class ReachableFloor:
         return cls(solid, floor, narrow & ~floor, opened & ~floor & ~narrow)
 
     def unseen(self, grid: GrownGrid) -> Mask:
-        """Which cells (rows, columns) of the floor ``grid`` does not show, gaps of a cell apart."""
+        """Mask (rows, columns) of the cells not shown by ``grid``; one-cell gaps count as shown."""
         known = without_gaps(~grid.unseen)
         rows, columns = np.indices(self.floor.shape).reshape(2, -1)
         cells = grid.cells_at(self.grid.centres(rows, columns))
@@ -107,11 +108,11 @@ def measure_exploration(
     given_up: Sequence[tuple[float, float, str]] = (),
     movers: WalkerTrack | None = None,
 ) -> ExplorationResult:
-    """Compare ``grid`` (map) with the true plan as it is, and with all doors open (``plans``).
+    """Compare the explored ``grid`` (``map``) with ``plans``: as it truly is, and with open doors.
 
-    ``true`` (n, 3) are the true poses of the run, its ``driven`` length in metres; the robot has
-    returned if it is ``within`` [m] of the first one. ``given_up`` are the planner's frontiers
-    (x, y, reason).
+    ``true`` (n, 3) are the true poses of the run, ``driven`` [m] its length; the robot has returned
+    if it ends ``within`` [m] of its first pose. ``given_up`` are the planner's abandoned frontiers
+    (x, y, reason). ``back``: the tour returns to the start.
     """
     plan, passable = plans
     start = Pose(*(float(value) for value in true[0]))

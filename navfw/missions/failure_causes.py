@@ -1,7 +1,7 @@
 """Causes of failed runs, classified from their symptoms.
 
 The symptoms are computed after the run, for evaluation only, from its log, the true geometry and
-the stack's own local map. Where they show nothing, the cause is ``unknown``.
+the stack's own local map. If they show nothing, the cause is ``unknown``.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from navfw.sim.shapes import Circle
 from navfw.sim.solids import Solid
 
 MissionResult = Any
-"""``navfw.missions.session.MissionResult``, which is made of this module's answers."""
+"""Stands for ``navfw.missions.session.MissionResult``, whose module imports this one."""
 
 _REVERSING = 0.05
 """Backward speed [m/s] above which a robot counts as reversing at a collision."""
@@ -40,10 +40,10 @@ _MEAN_SPEED, _MEAN_RATE = 0.02, 0.1
 """Mean speed [m/s] and turning rate [rad/s] below which a robot counts as standing still."""
 
 _DETOUR = 1.5
-"""Ratio of path costs, with and without errors of the local map, above which they are the cause."""
+"""Ratio of path costs, with and without errors of the local map, that blames these errors."""
 
 Mapped = Literal["occupied", "free", "unknown", ""]
-"""The state of a place in the local map; "" without a map."""
+"""The state of a place in the local map; "" if there is no map."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,17 +53,17 @@ class FailureSymptoms:
     Estimate errors are in metres; ``slack`` [m] is the largest position error with which the
     mission can still succeed. ``sight`` of the path ahead is the median over the end of the run.
 
-    Of a collision, ``by_mover``: a mover ran into a robot that was not driving towards it.
-    ``bearing`` [rad, left positive] is that of the object's nearest point, where the local map is
-    ``mapped`` so, and ``speed`` [m/s] the robot's forward speed, negative backwards.
+    For a collision, ``by_mover``: a mover ran into a robot that was not driving towards it;
+    ``bearing`` [rad, left positive] is from the robot's heading to the object's nearest point,
+    whose state in the local map is ``mapped``; ``speed`` [m/s] is the robot's, negative backwards.
 
-    ``path_costs`` are of the local path to the waypoint at the end, infinite without a path: as it
-    is, once occupied cells far from any object are cleared, and once those beside the outlines of
-    objects are cleared too.
+    ``path_costs`` are those of the local path to the waypoint at the end, infinite without a path:
+    with the map as it is, after clearing occupied cells far from any object, and after also
+    clearing those beside the outlines of objects.
 
     The robot has ``driven`` [m] and the shortest path to the last goal decreased by ``gained`` [m].
-    ``recent_driven`` [m] and ``recent_turned`` [rad] are over the last ``recent`` [s], and
-    ``vetoed`` the share of it in which the safety monitor held the robot.
+    ``recent_driven`` [m] and ``recent_turned`` [rad] are over the last ``recent`` [s], ``vetoed``
+    is the share of that time in which the safety monitor stopped the robot.
     """
 
     outcome: Outcome
@@ -86,7 +86,7 @@ class FailureSymptoms:
 
 
 def failure_of(result: MissionResult) -> dict[str, Any]:
-    """The ``cause`` of a failed run, and ``cause_seen``, what a person sees of it; else empty."""
+    """Fields of the result of a failed run: ``cause`` and ``cause_seen``; empty after a success."""
     if result.outcome.succeeded or result.outcome is Outcome.CANCELLED:
         return {}
     try:
@@ -98,7 +98,7 @@ def failure_of(result: MissionResult) -> dict[str, Any]:
 
 
 def classify(symptoms: FailureSymptoms) -> Cause | None:
-    """The cause of a failure; None for a run that succeeded or was stopped by the user."""
+    """Classify the cause of a failure; None for a run that succeeded or that the user stopped."""
     match symptoms.outcome:
         case Outcome.COLLIDED:
             return _of_collision(symptoms)
@@ -172,7 +172,7 @@ _LOW = 0.12
 
 
 def sentence(cause: Cause, result: MissionResult) -> str:
-    """What a person sees of a failure of this cause; empty where the reason says it all."""
+    """Describe a failure of this cause in words; empty if the outcome's reason says it all."""
     state = result.session.stack.state
     if cause is Cause.ESTIMATE_ERROR and state.belief is not None and state.belief.lost:
         return "the robot did not find out where it was"
@@ -200,11 +200,11 @@ _PHANTOM, _BLUR = 0.25, 0.1
 """Distances [m] to the nearest object beyond which an occupied cell is a phantom, or a blur."""
 
 REACH = 0.12
-"""Radius [m] about a point of contact within which the local map is evaluated."""
+"""Radius [m] around a point of contact within which the local map is evaluated."""
 
 
 def collect_symptoms(result: MissionResult) -> FailureSymptoms:
-    """The symptoms of ``result``."""
+    """Compute the symptoms of ``result`` from its log, the true plan and the stack's map."""
     session, log = result.session, result.log
     spec = session.mission.spec
     stack = session.stack

@@ -1,4 +1,4 @@
-"""How a robot came to touch a walker that it did not expect there; for evaluation only."""
+"""Describes how a robot failed to notice a walker that it touched; for evaluation only."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from navfw.signals import Pose
 from navfw.sim.scene_geometry import SceneGeometry
 
 _LOOKED, _PAUSE = 6.0, 0.3
-"""Time [s] before a contact that is looked at, and for which a walker may be out of view."""
+"""Time [s] before a contact that is examined; time for which a walker may be out of view."""
 
 _SAME = 0.4
-"""Distance [m] from a walker up to which a track is taken to be its own."""
+"""Largest distance [m] from a walker of a track that is taken to be its own."""
 
 _FAR = 2.0
-"""Distance [m] up to which a track may be that of a walker who went another way."""
+"""Largest distance [m] of a track that may be the walker's with a wrong prediction."""
 
 
 def how_missed(result: Any, name: str) -> str:
-    """Say how the walker ``name`` of the ``MissionResult`` was missed.
+    """Say in words how the walker ``name`` of the ``MissionResult`` was missed.
 
-    That is whether it was in view before the contact, and where the stack had it: from the log of
-    true poses, the walkers' true positions, and the stack's tracks at the end.
+    It says whether the walker was in view before the contact, and where the stack had tracked it:
+    from the log of true poses, the walkers' true positions, and the stack's tracks at the end.
     """
     log, stack = result.log, result.session.stack
     late = log.time > log.contacts[0].time - _LOOKED

@@ -1,4 +1,4 @@
-"""Events of a mission: checked before a run, and begun and ended in it, with a record of each.
+"""Events of a mission: checked before a run, begun and ended during it, and recorded.
 
 They are checked against the mission's map, its world and the behaviours of the stack.
 """
@@ -39,12 +39,12 @@ class EventRecord:
     ended: float | None = None
 
     def as_data(self) -> dict[str, Any]:
-        """Plain data for ``result.json``."""
+        """Return plain data for ``result.json``."""
         return {"event": dict(self.spec), "began_s": self.began, "ended_s": self.ended}
 
 
 class EventTarget(Protocol):
-    """What an event's action applies to: the simulation, or a behaviour of the stack."""
+    """What an event's action is applied to: the simulation, or a behaviour of the stack."""
 
     def begin(self, action: Any) -> None:
         """Apply the action."""
@@ -56,8 +56,8 @@ class EventTarget(Protocol):
 class EventClock:
     """Begins and ends the events of one run, and records their times.
 
-    Events are near ``places`` of the map, by name. ``told`` is called with all events so far when
-    one has begun or ended.
+    ``places`` of the map, by name, are those that events can be near to. ``told`` is called with
+    the records of all events so far whenever one has begun or ended.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class EventClock:
 
     @property
     def log(self) -> tuple[EventRecord, ...]:
-        """The events so far, in the order in which they began."""
+        """The records of the events so far, in the order in which they began."""
         return tuple(self._log)
 
     def tick(self, time: float, robot: Pose) -> None:
@@ -108,9 +108,9 @@ class EventClock:
 def resolve_events(
     mission: MissionFile, world: WorldSpec, stack: Stack, plugins: PluginSource
 ) -> tuple[EventSpec, ...]:
-    """The events of a mission file, checked against map, world and the behaviours of ``stack``.
+    """Check the events of a mission file against map, world and ``stack``, and return them.
 
-    An event of a plugin becomes the events that it is composed of.
+    An event of a plugin is replaced by the events that the plugin composes.
 
     Raises:
         ConfigError: an event lies after the mission's timeout, or an obstacle off the floor or over
@@ -129,7 +129,7 @@ def resolve_events(
 
 
 def with_doors_open(world: WorldSpec, specs: Sequence[EventSpec]) -> WorldSpec:
-    """The world with every door open that an event opens: paths may lead through these doors."""
+    """Return ``world`` with all doors open that an event opens: paths may lead through them."""
     opened = {s.door.name for s in specs if s.door is not None and s.door.state == "open"}
     doors = tuple(
         door.model_copy(update={"state": "open"}) if door.name in opened else door

@@ -1,4 +1,4 @@
-"""Mission files: loading, and the checks against map and world.
+"""Load mission files, and check them against map and world.
 
 The schema is in ``navfw.missions.missionspec``.
 """
@@ -44,8 +44,8 @@ _STREAM = 1 << 20
 class MissionFile:
     """A loaded mission file: start and goals as pose and waypoints in ``map``.
 
-    For an unknown start, ``starts`` are the places from which ``placed`` draws it; until then
-    ``start`` is the first of them.
+    If the start is unknown, ``starts`` are the places from which ``placed`` draws it; until then
+    ``start`` is the first of them. If it is known, ``starts`` is empty.
     """
 
     file: Path
@@ -63,13 +63,13 @@ class MissionFile:
 
     @property
     def assumed(self) -> tuple[Assumption, ...]:
-        """What is taken for granted of robot and map."""
+        """The properties of robot and map that no file gives and that are assumed."""
         from navfw.robot.urdf_measures import robot_assumed  # of a robot without a URDF not needed
 
         return robot_assumed(self.spec.robot) + self.topo_map.all_assumed
 
     def placed(self, seed: int, plan: SceneGeometry) -> MissionFile:
-        """The mission with an unknown start drawn by ``seed``; a known start stays.
+        """Return the mission with an unknown start drawn by ``seed``; a known start is kept.
 
         Raises:
             WorldError: the robot overlaps something at each of the places.
@@ -81,7 +81,7 @@ class MissionFile:
             return replace(self, start=draw_start(self.starts, seed, plan, self.spec.robot.radius))
 
     def check(self, plan: SceneGeometry) -> float:
-        """The length [m] of the shortest path through all goals, in the world of this floor plan.
+        """Check start and goals in ``plan``; return the length [m] of the shortest path along them.
 
         Raises:
             WorldError: at the start the robot's body, or at a goal a disc of its radius, would
@@ -121,7 +121,7 @@ class MissionFile:
                 raise WorldError(f"{what}: it is the map of another world; name this world's")
 
     def resolved(self) -> dict[str, Any]:
-        """The mission with all defaults, as plain data."""
+        """Return the mission with all defaults, as plain data."""
         return {
             **self.spec.model_dump(mode="json"),
             "sensors": self.spec.sensors.resolved().model_dump(mode="json"),
@@ -133,7 +133,7 @@ class MissionFile:
 
 
 def load_mission(path: str | Path, overrides: Sequence[str | Override] = ()) -> MissionFile:
-    """Load a mission file and the map it names; ``MissionFile.check`` checks it against its world.
+    """Load a mission file and its map; ``MissionFile.check`` checks it against its world.
 
     Raises:
         ConfigError: the file breaks the schema.
@@ -146,9 +146,9 @@ def load_mission(path: str | Path, overrides: Sequence[str | Override] = ()) -> 
 
 
 def mission_in(document: YamlDocument, path: Path, topo_map: TopoMap | None = None) -> MissionFile:
-    """The mission in ``document``, of the file ``path``; without ``topo_map``, on the map it names.
+    """Make the mission of ``document``, from the file ``path``, on ``topo_map`` or its own map.
 
-    Raises as ``load_mission``.
+    Raises the errors of ``load_mission``.
     """
     spec = mission_spec(document, path.parent)
     if spec.map is None:
@@ -173,15 +173,15 @@ def mission_in(document: YamlDocument, path: Path, topo_map: TopoMap | None = No
 
 
 _OF_WORLD = ("map", "stack", "start", "robot", "sensors")
-"""Keys of a world's mission that a mission to a point takes over."""
+"""Keys that a mission to a point copies from a mission of the world."""
 
 
 @dataclass(frozen=True, slots=True)
 class Destination:
-    """Where a mission from the start of a world's first mission leads, and on which map.
+    """The end and the map of a mission that begins at the start of a world's first mission.
 
-    ``goal`` is a point (x, y) [m] or the name of a place of the map. ``topo_map`` is the map's name
-    or file; None: that of the first mission.
+    ``goal`` is a point (x, y) [m, ``map``] or the name of a place of the map. ``topo_map`` is the
+    map's name or file; None: that of the first mission.
     """
 
     goal: _Point | str
@@ -191,10 +191,10 @@ class Destination:
 def mission_to(
     world: str | Path, to: Destination, overrides: Sequence[Override] = ()
 ) -> MissionFile:
-    """The mission to a point or place, from the start of the first mission of ``world``.
+    """Make a mission to a point or place, from the start of the first mission of ``world``.
 
-    The first by name that has a known start; map, stack, robot and sensors are its own as well. On
-    another map the stack is the one for what that map contains.
+    The first mission is the first by name that has a known start; map, stack, robot and sensors are
+    copied from it. On another map, ``chosen_stack`` chooses the stack by what that map contains.
 
     Raises:
         ConfigError: the world has no mission with a known start, or an override is wrong.
@@ -216,9 +216,9 @@ def mission_to(
 
 
 def exploration_of(world: str | Path, overrides: Sequence[Override] = ()) -> MissionFile:
-    """The exploration of ``world``, from the start of the same mission as ``mission_to``.
+    """Make the exploration of ``world``, from the start of the same mission as ``mission_to``.
 
-    Raises as ``mission_to``.
+    Raises the errors of ``mission_to``.
     """
     task = {"explore": {}, "description": "Explore from the start of"}
     return _from_start(world, task, "--explore", "explore", overrides)
@@ -251,10 +251,10 @@ def _from_start(
 
 
 def with_task(document: YamlDocument, task: Mapping[str, Any], option: str) -> YamlDocument:
-    """The mission of ``document`` with the keys of ``task`` instead of its own.
+    """Return the mission of ``document`` with the keys of ``task`` instead of its own.
 
-    Map, stack, start, robot and sensors stay, but for the stack of an exploration, or of another
-    map. Errors in the task name the ``option``.
+    Map, stack, start, robot and sensors are kept; the stack is not if the task is an exploration or
+    names another map. Errors in the task name the command-line ``option``.
     """
     kept = [key for key in _OF_WORLD if key != "stack" or not {"explore", "map"} & set(task)]
     data = {key: value for key, value in document.data.items() if key in kept} | dict(task)
@@ -287,7 +287,7 @@ def _starts(document: YamlDocument, spec: MissionSpec, topo_map: TopoMap) -> tup
 
 
 def start_candidates(topo_map: TopoMap, goals: Sequence[str]) -> list[Place]:
-    """The places for a start anywhere in the map: all but doors, dangers and goals."""
+    """The places where a random start may be: all but doors, dangers and ``goals``."""
     return [
         place
         for place in topo_map.places.values()
@@ -296,12 +296,12 @@ def start_candidates(topo_map: TopoMap, goals: Sequence[str]) -> list[Place]:
 
 
 def draw_start(places: Sequence[Place], seed: int, plan: SceneGeometry, radius: float) -> Pose:
-    """A pose at one of ``places``, with a yaw, both drawn by ``seed``.
+    """Draw a pose at one of ``places``, with a random yaw, by ``seed``.
 
-    Places are skipped at which a body of ``radius`` [m] is not free in ``plan``.
+    Places are skipped where a disc of ``radius`` [m] would overlap something in ``plan``.
 
     Raises:
-        WorldError: it is free at none of the places; the error is that of the first one.
+        WorldError: none of the places is free; the error is that of the first one tried.
 
     """
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_STREAM,)))
@@ -360,7 +360,7 @@ def _map_of_goals(document: YamlDocument, spec: MissionSpec) -> TopoMap:
 
 
 def goals_map(points: Sequence[_Point]) -> TopoMap:
-    """A map of ``points`` [m] in the order of the mission, joined by straight passages."""
+    """Make a map of ``points`` [m] in the order of the mission, joined by straight passages."""
     unique = list(dict.fromkeys(points))
     names = ["start", *(f"goal-{index}" for index in range(1, len(unique)))]
     places = [Place(name, *point) for name, point in zip(names, unique, strict=True)]

@@ -14,13 +14,13 @@
       - {near: {x: 3, y: 2, within: 1}, behavior: {name: avoid, does: raises}}
 
 With ``start: unknown`` the seed draws a start from the places of the map, with
-``start: {unknown: [kitchen, lab]}`` from these places; the stack does not get it.
+``start: {unknown: [kitchen, lab]}`` from these places; the stack is not given the start.
 
-Without ``map`` the stack gets start and goals alone. Goals are then points, and the map consists of
+Without ``map`` the stack gets only start and goals. Goals are then points, and the map consists of
 the start, the goals, and straight passages of unknown width between them.
 
 With ``explore: {limit: 600, return: true}`` instead of goals the robot starts knowing nothing, and
-makes a map of all floor that it can reach. A ``map`` then only says where a place to start at is.
+maps all floor that it can reach. A ``map`` is then used only to look up a place to start at.
 
 An event has one trigger (``at`` or ``near``), one action, and optionally a duration. ``near`` is
 evaluated with the true position. The stack gets no information about events. Checks against map,
@@ -67,7 +67,7 @@ Duration = Annotated[float, Field(gt=0.0, le=7200.0)]
 
 
 class NearTrigger(StrictModel):
-    """The robot's true centre comes within a distance of a place of the map, or of a point."""
+    """Triggers when the robot's true centre comes within a distance of a place, or of a point."""
 
     place: Annotated[str | None, Field(description="a place of the map")] = None
     x: Annotated[Coordinate | None, Field(description="or a point: x [m] in the map frame")] = None
@@ -85,7 +85,7 @@ class NearTrigger(StrictModel):
 
 
 class BehaviorFault(StrictModel):
-    """A behaviour of the stack fails at every proposal."""
+    """Makes a behaviour of the stack fail at every proposal while the event lasts."""
 
     name: Annotated[str, Field(description="name of a behaviour of the stack")]
     does: Annotated[Failure, Field(description="how it fails")]
@@ -133,12 +133,12 @@ class EventSpec(StrictModel):
 
     @property
     def key(self) -> str:
-        """The key of its action."""
+        """The key of the event's action, such as ``camera``."""
         return next(key for key in _actions() if getattr(self, key) is not None)
 
     @property
     def action(self) -> Any:
-        """What begins and ends with it; of a failing behaviour, how it fails."""
+        """The action that begins and ends with the event; for ``behavior``, its ``does``."""
         return getattr(self, self.key) if self.behavior is None else self.behavior.does
 
 
@@ -159,7 +159,7 @@ class Blackout(MissionEvent):
     params: Params
 
     def actions(self, world: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
-        """Dim the lamps, and close every open door."""
+        """Return the actions that dim the lamps and close every open door."""
         doors = [door["name"] for door in world["doors"] if door["state"] == "open"]
         return [
             {"light": {"share": self.params.light}},
@@ -169,7 +169,7 @@ class Blackout(MissionEvent):
 
 Yaw = Annotated[float, Field(ge=-2.0 * math.pi, le=2.0 * math.pi, description="[rad]")]
 Unknown = Literal["unknown"]
-"""``start: unknown``: any place of the map (see ``navfw.missions.missionfile``)."""
+"""``start: unknown``: a random place of the map (see ``navfw.missions.missionfile``)."""
 
 
 class PlaceStart(StrictModel):
@@ -180,7 +180,7 @@ class PlaceStart(StrictModel):
 
 
 class UnknownStart(StrictModel):
-    """A start at one of these places, unknown to the stack; the seed draws place and yaw."""
+    """A start at one of these places, not given to the stack; the seed draws place and yaw."""
 
     unknown: Annotated[
         tuple[str, ...], Field(min_length=1, max_length=1000, description="places of the map")
@@ -195,7 +195,7 @@ class PointGoal(StrictModel):
 
 
 class ExploreSpec(StrictModel):
-    """An exploration: the robot observes what it can reach, and comes back."""
+    """An exploration: the robot observes all floor that it can reach, and drives back."""
 
     limit: Annotated[
         float,
@@ -207,7 +207,7 @@ class ExploreSpec(StrictModel):
 
 
 class SuccessSpec(StrictModel):
-    """The true distance from each goal that has to be reached; what a score is relative to."""
+    """How near the robot must truly come to each goal, and the reference length of the score."""
 
     within: Annotated[float, Field(gt=0.0, le=5.0, description="distance from a goal [m]")] = 0.5
     reference: Annotated[
@@ -230,13 +230,13 @@ class SensorsSpec(SensorParams):
     ] = "default"
 
     def resolved(self) -> SensorParams:
-        """The parameters of the preset, overridden by those given in the file."""
+        """Return the parameters of the preset, overridden by those given in the file."""
         changed = {name: getattr(self, name) for name in self.model_fields_set - {"base"}}
         return SensorParams.preset(self.base, **changed)
 
 
 class MissionSpec(StrictModel):
-    """A mission as its file has it."""
+    """The schema of a mission file."""
 
     description: Annotated[str, Field(description="one line for people")] = ""
     map: Annotated[
@@ -307,15 +307,15 @@ class MissionSpec(StrictModel):
 
     @property
     def unknown_start(self) -> bool:
-        """Whether the seed draws the start."""
+        """Whether the start is drawn by the seed and not given to the stack."""
         return isinstance(self.start, str | UnknownStart)
 
 
 def mission_spec(document: YamlDocument, folder: Path) -> MissionSpec:
-    """The mission in ``document``, of a file in ``folder``, with its robot completed.
+    """Validate the mission in ``document``, from a file in ``folder``, and complete its robot.
 
-    The robot gets the error data of the sensors' preset; those given by mission or robot file
-    (``robot.odometry``) take precedence.
+    The robot gets the odometry errors of the sensors' preset; those given in the mission or robot
+    file (``robot.odometry``) take precedence.
 
     Raises:
         ConfigError: the document or the robot's file breaks the schema.
@@ -334,7 +334,7 @@ def mission_spec(document: YamlDocument, folder: Path) -> MissionSpec:
 EXPLORED_WITHIN, EXPLORED_TOLERANCE = 0.3, 0.15
 """The true and the estimated distance [m] from the start at which an exploration has returned."""
 _AFTER_LIMIT = 60.0
-"""Time [s] after an exploration's limit that ends the mission."""
+"""Time [s] after an exploration's limit at which the mission times out."""
 
 
 def _completed(spec: MissionSpec) -> MissionSpec:

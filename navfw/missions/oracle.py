@@ -1,4 +1,4 @@
-"""The simulator's truth for the plugins of a stack with ``oracle: true``."""
+"""Gives the simulator's truth to the plugins of a stack with ``oracle: true``."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from navfw.sim.simulation import Simulation
 from navfw.stack import Stack
 
 _SEEN = (0.3, 0.9, 1.3, 1.8, 2.3, 2.8, 3.3), (0.6, 0.8, 0.75, 0.6, 0.4, 0.12, 0.0)
-"""Distances [m], and the share of frames in which who walks in view so far away is detected."""
+"""Distances [m], and the share of frames in which a walker in view at each is detected."""
 _ERRORS = 0.05, 0.12, 0.15, 0.15
 """Standard deviations of a detection's bearing [rad], distance (relative), velocity [m/s]."""
 
 
 class SimulatorTruth:
-    """True depth and motion from the simulator, a ``navfw.flow.ideal.TruthSource``."""
+    """True depth and motion from the simulator; a ``navfw.flow.ideal.TruthSource``."""
 
     def __init__(self, simulation: Simulation) -> None:
         self.simulation = simulation
 
     def depth(self, frame: Frame) -> npt.NDArray[np.float32]:
-        """True depth (height, width) [m] of ``frame``.
+        """Return the true depth (height, width) [m] along the optical axis of ``frame``.
 
         Raises:
             SimulationError: ``frame`` is not the newest frame.
@@ -41,11 +41,11 @@ class SimulatorTruth:
         return self.simulation.true_depth()
 
     def motion(self, pair: FramePair) -> CameraMotion:
-        """The true camera motion between the frames of ``pair``."""
+        """Return the true camera motion between the frames of ``pair``."""
         return self.simulation.true_motion(pair.past, pair.now)
 
     def moving_objects(self, frame: Frame, *_: object) -> tuple[MovingObject, ...]:
-        """Who walks in view, with misses and errors as measured of drawn images (decision 154)."""
+        """Walkers in view as detections, with misses and errors as measured (decision 154)."""
         simulation, model = self.simulation, self.simulation.robot
         view = 0.5 * sum(camera.hfov for camera in (model.camera, *model.side_cameras))
         robot, noise = simulation.true_pose(), simulation.flow_noise
@@ -65,7 +65,7 @@ class SimulatorTruth:
         return tuple(detections)
 
     def walkers(self, axes: Pose) -> list[tuple[float, ...]]:
-        """x, y, radius [m] and velocity [m/s] of each walker, in the frame of ``axes``."""
+        """Return x, y, radius [m] and velocity [m/s] of each walker, in the frame of ``axes``."""
         walkers: list[tuple[float, ...]] = []
         for walker in self.simulation.walkers:
             speed = 0.0 if walker.waiting else walker.spec.speed
@@ -76,7 +76,7 @@ class SimulatorTruth:
 
 
 def reveal(simulation: Simulation, stack: Stack, *, drawn: bool = True) -> None:
-    """Give ``stack`` the truth, if its file has ``oracle: true``; not ``drawn``, of walkers too."""
+    """Give the simulator's truth to a ``stack`` with ``oracle: true``; walkers if not ``drawn``."""
     if not stack.resolved.settings.oracle:
         return
     truth = SimulatorTruth(simulation)
@@ -90,7 +90,7 @@ def reveal(simulation: Simulation, stack: Stack, *, drawn: bool = True) -> None:
 
 
 def plugins_of(stack: Stack) -> dict[str, Plugin]:
-    """All plugins of ``stack`` by name."""
+    """Return all plugins of ``stack`` by name."""
     vision, mofis = stack.vision, stack.mofis
     stages = (stack.features, stack.localizer, stack.planner, stack.controller)
     plugins: list[Plugin | None] = [

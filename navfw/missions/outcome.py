@@ -1,4 +1,4 @@
-"""The outcome of a mission, its reason and cause; goals visited and progress, by the true pose."""
+"""The outcome of a mission, its reason and cause; progress and goals visited by the true pose."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ class Outcome(StrEnum):
     TIMEOUT = "timeout"
     """the mission's time limit was reached"""
     STUCK = "stuck"
-    """no progress for too long"""
+    """the robot made no progress for too long, or the stack reported that it cannot go on"""
     LOST = "lost"
     """the stack has finished, but a goal was not reached; or the time limit was reached and the
     stack's belief is lost"""
     UNSURE = "unsure"
-    """the robot is at its goal by an estimate that is too uncertain, and found no more evidence"""
+    """the robot is at its goal, but its position estimate stays too uncertain to finish"""
     FAULT = "fault"
     """the stack or the simulator failed"""
     CANCELLED = "cancelled"
@@ -39,7 +39,7 @@ class Outcome(StrEnum):
 
 
 class Cause(StrEnum):
-    """Why a run failed; ``sentence`` says what a person sees, of a ``body`` or a ``waypoint``."""
+    """The cause of a failure; ``sentence`` is a template with a ``body`` or a ``waypoint``."""
 
     sentence: str
 
@@ -58,9 +58,9 @@ class Cause(StrEnum):
     DROVE_INTO = "drove_into", "the robot drove into {body}, which it had seen"
     """collided: with an object in the local map, ahead"""
     MAPPED_AS_FREE = "mapped_as_free", "{body} was taken for free floor"
-    """collided: the local map has the object's place as free"""
+    """collided: the local map had free floor where the object is"""
     UNSEEN = "unseen_obstacle", "{body} was never seen"
-    """collided: the local map has the object's place as unknown"""
+    """collided: the local map had unknown cells where the object is"""
     OBSTACLE = "obstacle", "the robot touched {body}"
     """collided: with an object; there is no local map to compare with"""
     PHANTOM_OBSTACLES = "phantom_obstacles", "the robot saw obstacles where there are none"
@@ -110,10 +110,10 @@ class Cause(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class MissionVerdict:
-    """The outcome with its ``reason``, the last leading behaviour, the control tick and time [s].
+    """The outcome with its ``reason``, the last leading behaviour, control tick and time [s].
 
-    ``fault`` is the cause of a fault, None for other outcomes. ``trace`` is the Python traceback of
-    an exception, empty otherwise.
+    ``fault`` is the cause if the outcome is a fault, else None. ``trace`` is the Python traceback
+    of an exception, else empty.
     """
 
     outcome: Outcome
@@ -130,7 +130,7 @@ class MissionVerdict:
 
 
 class GoalChecker:
-    """Counts the goals that the robot has truly visited, in order, within ``radius`` [m]."""
+    """Counts the goals that the robot has truly visited, in order: came within ``radius`` [m]."""
 
     def __init__(self, goals: Sequence[Waypoint], radius: float) -> None:
         self.goals = goals
@@ -140,11 +140,11 @@ class GoalChecker:
 
     @property
     def goal(self) -> Waypoint:
-        """The first goal not visited yet, or the last one."""
+        """The first goal that was not visited yet, or the last one if all were."""
         return self.goals[min(self.next, len(self.goals) - 1)]
 
     def distance(self, pose: Pose) -> float:
-        """Distance [m] from ``pose`` to ``goal``."""
+        """Distance [m] from ``pose`` (``map``) to the current ``goal``."""
         goal = self.goal
         return math.hypot(goal.x - pose.x, goal.y - pose.y)
 
@@ -157,10 +157,7 @@ class GoalChecker:
             self.nearest = math.inf
 
     def missed(self, pose: Pose) -> str | None:
-        """Why the mission is not accomplished, for a stack that finished at the true ``pose``.
-
-        None if it is accomplished.
-        """
+        """Why a stack that finished at the true ``pose`` has failed the mission; None if not."""
         last = self.goals[-1]
         if self.next < len(self.goals) - 1:
             nearest = f"{self.nearest:.2f} m from {goal_name(self.goal)} at the nearest"
@@ -181,7 +178,7 @@ class ProgressChecker:
         self.anchor: Pose | None = None
 
     def update(self, now: float, pose: Pose) -> bool:
-        """Take in the true ``pose`` at ``now`` [s]; whether the limit is reached."""
+        """Observe the true ``pose`` at ``now`` [s]; return whether the limit is reached."""
         anchor = self.anchor
         if anchor is None or math.hypot(pose.x - anchor.x, pose.y - anchor.y) > self.radius:
             self.anchor, self.since = pose, now
@@ -189,5 +186,5 @@ class ProgressChecker:
 
 
 def goal_name(goal: Waypoint) -> str:
-    """The quoted name of a goal that is a place; else its coordinates."""
+    """Return the quoted name of a goal that is a place, else its coordinates."""
     return repr(goal.place) if goal.place else f"({goal.x:g}, {goal.y:g})"

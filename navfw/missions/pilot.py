@@ -1,4 +1,4 @@
-"""What the loop of a mission drives, a pilot and a simulator or fakes of them; and its ticks."""
+"""The interfaces of the mission loop: the pilot and the simulator that it drives, and its ticks."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ class Pilot(Protocol):
         """Start at ``pose`` in ``map`` (None: unknown), with ``goals`` to visit in order."""
 
     def step(self, reading: SensorReading) -> Twist:
-        """The twist to drive until the next control tick."""
+        """Take in the sensors' ``reading``; return the twist to drive until the next tick."""
 
     @property
     def state(self) -> StackState:
-        """Its state after the last step."""
+        """The pilot's state after the last step."""
 
 
 class Simulator(Protocol):
     """The robot and its world: ``navfw.sim.simulation.Simulation``, or a fake."""
 
     def read(self) -> SensorReading:
-        """The current sensor reading."""
+        """Return the current sensor reading."""
 
     def drive(self, left: float, right: float) -> None:
-        """Set the wheel speeds [rad/s]."""
+        """Set the speeds of the left and right wheel [rad/s]."""
 
     def advance(self, dt: float) -> None:
         """Simulate ``dt`` [s]."""
 
     def true_pose(self) -> Pose:
-        """The robot's true pose."""
+        """Return the robot's true pose in ``map``."""
 
     @property
     def contacts(self) -> Sequence[str]:
@@ -53,11 +53,11 @@ class Simulator(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class TickView:
-    """One control tick: what the robot sensed, inferred and did; and its true pose.
+    """One control tick: what the robot sensed, inferred and did, and its true pose.
 
-    ``twist`` (2,) are v [m/s] and w [rad/s] that the stack gave to the wheels. ``true_pose`` (3,)
-    is x, y [m], yaw [rad] in the map, from the simulator; the stack does not get it. ``state`` is
-    the whole state of the stack.
+    ``twist`` (2,) is v [m/s] and w [rad/s] that the stack gave to the wheels. ``true_pose`` (3,) is
+    x, y [m], yaw [rad] in ``map``, from the simulator; the stack does not get it. ``state`` is the
+    whole state of the stack.
     """
 
     reading: SensorReading
@@ -72,22 +72,22 @@ class TickView:
 
     @property
     def image(self) -> Image | None:
-        """(height, width) uint8: the camera image that came with this tick; None without one."""
+        """(height, width) uint8: the camera image that came with this tick; None if none came."""
         return None if self.reading.frame is None else self.reading.frame.image
 
     @property
     def flow(self) -> FlowField | None:
-        """The newest derotated flow: ``points``, ``vectors`` (rows, cols, 2) [px] and more."""
+        """The newest derotated flow: ``points``, ``vectors`` (rows, cols, 2) [px], ...; or None."""
         return self.state.flows[-1] if self.state.flows else None
 
     @property
     def percept(self) -> Percept | None:
-        """The newest percept: ``nearness`` (rows, cols) [1/m], ``label``, ``sentence`` and more."""
+        """The newest percept: ``nearness`` (rows, cols) [1/m], ``label``, ...; or None."""
         return self.state.percept
 
     @property
     def proposals(self) -> Mapping[str, Proposal]:
-        """Each behaviour's ``desirability``, ``prohibition`` (n_v, n_w) of the last decision."""
+        """By behaviour, ``desirability`` and ``prohibition`` (n_v, n_w) of the last decision."""
         return self.state.proposals or {}
 
     @property
@@ -98,12 +98,12 @@ class TickView:
 
     @property
     def leader(self) -> str:
-        """The leading behaviour; empty without a command."""
+        """The name of the behaviour that led the last command; empty without a command."""
         return "" if self.state.command is None else self.state.command.leader
 
     @property
     def estimated_pose(self) -> Array | None:
-        """(3,): the pose that the stack believes in, x, y [m], yaw [rad]; None without one."""
+        """(3,): the stack's pose estimate in ``map``, x, y [m], yaw [rad]; None without one."""
         if self.state.belief is None:
             return None
         pose = self.state.belief.pose
@@ -111,11 +111,11 @@ class TickView:
 
 
 Watcher: TypeAlias = Callable[[TickView], object]
-"""Takes in every control tick of a run, after the stack; it must change nothing in it."""
+"""A function that is called with every control tick of a run; it must change nothing."""
 
 
 def watcher_of(observe: Callable[[SensorReading, Twist, Pose], object]) -> Watcher:
-    """Calls ``observe``, of a recorder or a viewer, with the reading, the twist, the true pose."""
+    """Make a watcher that calls ``observe`` with the reading, the twist and the true pose."""
     return lambda tick: observe(
         tick.reading, Twist(*tick.twist.tolist()), Pose(*tick.true_pose.tolist())
     )

@@ -1,4 +1,4 @@
-"""What shows a run: the outline of its world, and an overlay in the simulator's window."""
+"""Drawings of a run: the outline of its world, and an overlay in the simulator's window."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _STEP = 0.05
 
 
 def outline_of(plan: SceneGeometry) -> WorldOutline:
-    """The outline of the world in a top view: walls, doors, furniture and drops."""
+    """The outline of the world in a top view: walls, doors, furniture and drops (``map``)."""
     discs = [solid.shape for solid in plan.solids if isinstance(solid.shape, Circle)]
     others = [solid for solid in plan.solids if not isinstance(solid.shape, Circle)]
     return WorldOutline(
@@ -38,15 +38,15 @@ def outline_of(plan: SceneGeometry) -> WorldOutline:
 
 
 def discs_of(walkers: Iterable[Walker]) -> list[tuple[float, float, float]]:
-    """Where walkers are now: discs x, y, radius [m]."""
+    """The walkers' present positions as discs x, y, radius [m] in ``map``."""
     return [(walker.x, walker.y, walker.spec.radius) for walker in walkers]
 
 
 class WindowOverlay:
-    """Shows a run of ``stack`` in ``window``; its camera follows.
+    """Draws a run of ``stack`` into the simulator's ``window``, whose camera follows the robot.
 
-    The path is the true one, in the colours of the leading behaviours; the way ahead and the local
-    goal are where the robot believes them to be.
+    The driven path is the true one, in the colours of the leading behaviours; the route ahead and
+    the local goal are drawn where the robot believes them to be.
     """
 
     def __init__(self, window: SimulatorWindow, stack: Stack) -> None:
@@ -56,7 +56,7 @@ class WindowOverlay:
         self._lines: dict[str, list[Point3]] = {}
 
     def draw(self, tick: TickView) -> None:
-        """Draw what is new once per camera frame."""
+        """Update the drawing, if ``tick`` has a camera frame."""
         if tick.image is None:
             return
         pose = Pose(*tick.true_pose.tolist())

@@ -1,8 +1,8 @@
-"""Result of a run, with its metrics: path length, clearance, estimation errors (METHOD 5).
+"""The result of a run, with its metrics: path length, clearance, estimation errors.
 
 Its fields have the names of ``navfw run --json``: the JSON, the row of a suite, the page and the
 lines of the terminal are views of it. Metrics are computed from the true poses after the run; the
-stack gets none of it.
+stack gets none of them.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ SAMPLING = 0.1
 """Sampling period [s] of the path; a shorter one would count vibration of the wheels as path."""
 
 _ROOM = 0.15
-"""Distance [m] beside the body that a driver would keep who knows the place."""
+"""Distance [m] beside the body that a driver who knows the building would keep."""
 
 _SET_OUT = 0.1
 """Distance from the start [m] at which the BARN challenge starts its clock."""
@@ -43,7 +43,7 @@ _DEBOUNCE = 1.0
 """Contacts less than this time [s] apart count as one collision."""
 
 _CONFIDENT = 0.9
-"""Confidence from which a belief counts as confident."""
+"""Smallest confidence at which a belief counts as confident."""
 
 _CORRECT = 1.0
 """Largest distance [m] of the estimate from the true position for a correct belief."""
@@ -53,18 +53,19 @@ _CORRECT = 1.0
 class RunMetrics:
     """The metrics of one run; lengths in metres, times in seconds.
 
-    Percentiles of the estimate's error are over the ticks in which the belief was not lost.
+    Percentiles of the position error are over the ticks in which the belief was not lost.
     ``localized_after_s`` and ``localized_after_m`` are time and driven distance until the belief
     first was both confident and correct; None if it never was. ``confidently_wrong_s`` is the time
     in which it was confident and not correct, ``lost_s`` the time in which it was lost.
 
-    ``shortest_with_room_m`` is the shortest path that leaves 0.15 m beside the body, where there is
-    one. ``spl`` is success times shortest over driven length (Anderson et al. 2018).
-    ``traversal_s`` is the time from the first 0.1 m to the neighbourhood of the last goal.
-    Clearances are from the robot's body to the nearest object. ``distance_to_goal_m`` is that of
-    the true position, ``estimate_error_m`` the position error of the stack's belief at the end.
-    ``stage_ms`` is computing time per camera frame; it alone varies between runs of the same seed.
-    ``why_slower`` are the shares of time of what kept the robot below its top speed, largest first.
+    ``shortest_path_m`` is the shortest path through all goals, ``shortest_with_room_m`` the
+    shortest that leaves 0.15 m beside the body where it can. ``spl`` is success times shortest over
+    driven length (Anderson et al. 2018). ``traversal_s`` is the time from the first 0.1 m to the
+    neighbourhood of the last goal. Clearances are from the robot's body to the nearest object.
+    ``distance_to_goal_m`` is from the true position, ``estimate_error_m`` the position error of the
+    stack's belief, both at the end. ``stage_ms`` is computing time per camera frame; only this
+    varies between runs of the same seed. ``why_slower`` gives the share of time of each reason that
+    kept the robot below top speed, largest first.
     """
 
     estimate_error_p50_m: float | None
@@ -96,15 +97,14 @@ class RunMetrics:
 class RunResult(RunMetrics):
     """Outcome and metrics of a run, as plain data.
 
-    ``cause`` is the cause of a failure (``navfw.missions.outcome.Cause``), ``cause_seen`` what a
-    person sees of it; both are empty without a failure. ``collision_cause`` is "mover" when a mover
-    ran into a robot that was not driving towards it, "robot" for any other collision, None without
-    one; ``contacts`` has the first contact of each. ``oracle_plugins`` names the plugins that use
-    the simulator's truth, declared or by their source. ``faults`` are what plugins did wrong,
-    ``objections`` the plugins that failed in more than a tenth of their calls, but for those that
-    the mission's events made fail. ``notes`` say what the planner found to differ from the map.
-    ``exploration`` is what an exploration observed, None for other missions. ``map_changes`` say
-    how the building was seen to differ from the map. ``assumed`` is what was taken for granted of
+    ``cause`` is the cause of a failure (``navfw.missions.outcome.Cause``), ``cause_seen`` describes
+    it in words; both are empty without a failure. ``collision_cause`` is "mover" when a mover ran
+    into a robot that was not driving towards it, "robot" for any other collision, None without one;
+    ``contacts`` has the first contact of each. ``oracle_plugins`` names the plugins that use the
+    simulator's truth, declared or by their source. ``faults`` are the errors of plugins,
+    ``objections`` name the plugins that failed in more than a tenth of their calls, except where
+    the mission's events made them. ``notes`` and ``map_changes`` say how the building differed from
+    the map. ``exploration`` is None for other missions. ``assumed`` lists assumed properties of
     robot and map.
     """
 
@@ -134,7 +134,7 @@ class RunResult(RunMetrics):
     cause_seen: str = ""
 
     def summary(self) -> dict[str, Any]:
-        """The content of ``navfw run --json``: one flat object, the outcome first."""
+        """Return the content of ``navfw run --json``: one flat object, the outcome first."""
         metrics = {one.name for one in fields(RunMetrics)}
         names = sorted((one.name for one in fields(RunResult)), key=metrics.__contains__)
         return {
@@ -152,7 +152,7 @@ class RunResult(RunMetrics):
     def schema(cls) -> dict[str, Any]:
         """The JSON Schema of ``result.json`` and of ``navfw run --json``.
 
-        A run that goes on, or that was ended from outside, lacks ``command_hash`` and the metrics.
+        A run that goes on, or whose process was killed, lacks ``command_hash`` and the metrics.
         """
         schema = TypeAdapter(cls).json_schema(mode="serialization")
         known, parts = schema["properties"], schema["$defs"]
@@ -174,17 +174,17 @@ class RunResult(RunMetrics):
 
 
 UNFINISHED = "unfinished"
-"""Outcome of a run that goes on, or whose process was killed."""
+"""Outcome in ``result.json`` of a run that still goes on, or whose process was killed."""
 
 
 def path_length(points: Array) -> float:
-    """Length [m] of the polyline ``points`` (n, 2 or more; x and y first)."""
+    """Length [m] of the polyline through ``points`` (n, 2 or more; x and y first)."""
     steps = np.diff(points[:, :2], axis=0)
     return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
 
 
 def first_contacts(contacts: Sequence[Contact]) -> list[Contact]:
-    """The first of each collision: contacts less than _DEBOUNCE apart are one.
+    """The first contact of each collision: contacts less than 1 s after another belong to it.
 
     >>> touches = [Contact(t, 0.0, 0.0, "wall") for t in (1.0, 1.5, 2.4, 9.0)]
     >>> [contact.time for contact in first_contacts(touches)]
@@ -196,9 +196,9 @@ def first_contacts(contacts: Sequence[Contact]) -> list[Contact]:
 
 
 def traversal_time(log: RunLog, start: Point, goal: Point, within: float) -> float:
-    """Time [s] from leaving ``start`` by _SET_OUT to the arrival ``within`` [m] of ``goal``.
+    """Time [s] from leaving ``start`` by 0.1 m to the arrival ``within`` [m] of ``goal``.
 
-    To the end of the run if the robot did not arrive, 0 if it did not set out.
+    If the robot did not arrive, it ends with the run; it is 0 if the robot did not leave.
     """
     left = np.hypot(*(log.true[:, :2] - start).T) >= _SET_OUT
     if not left.any():
@@ -223,11 +223,11 @@ def measure(
     stage_ms: Mapping[str, float] | None = None,
     moving: Sequence[WalkerTrack | ChangeTrack] = (),
 ) -> RunMetrics:
-    """The metrics of a run from ``start`` to ``goal`` by a robot of these ``discs``.
+    """Compute the metrics of a run from ``start`` to ``goal``, points (x, y) [m] in ``map``.
 
-    ``shortest`` and ``with_room`` [m] are the lengths of the shortest paths through all goals; the
-    last goal counts as reached ``within`` that distance [m]. Clearances are to the static objects
-    in ``plan``, and to those in ``moving`` at their times.
+    ``discs`` (x, y, radius [m]) cover the body. ``shortest`` and ``with_room`` [m] are lengths of
+    the shortest paths through all goals; the last goal counts as reached ``within`` that distance
+    [m]. Clearances are to the static objects in ``plan``, and to ``moving`` ones.
     """
     sampled = log.every(SAMPLING)
     true = log.true[sampled] if log.ticks else np.array([[*start, 0.0]])
@@ -272,9 +272,9 @@ def measure(
 
 
 def shortest_with_room(plan: SceneGeometry, points: Sequence[Point], radius: float) -> float:
-    """Length [m] of the shortest path through ``points`` with _ROOM beside a body of ``radius``.
+    """Length [m] of the shortest path through ``points`` with 0.15 m beside a disc of ``radius``.
 
-    Between two points without such a path, it is that of the shortest.
+    A leg that has no such path counts with the shortest path without that space.
     """
 
     @cache

@@ -1,6 +1,6 @@
-"""The files of a run folder: ``result.json``, trajectories, picture, and the inputs of a replay.
+"""Writes the files of a run folder: ``result.json``, trajectories, picture, inputs of a replay.
 
-The picture has the true path coloured by leading behaviour, with times; and what moved.
+The picture shows the true path coloured by leading behaviour, with times, and the movers.
 """
 
 from __future__ import annotations
@@ -47,13 +47,13 @@ def default_folder(session: Session) -> Path:
 
 
 class RecordedFolder:
-    """The files that a recorded run has from its start, in the folder of ``target``.
+    """Writes the files that a recorded run has from its start into the folder of ``target``.
 
-    With them and the recording so far a run can be looked at and replayed while it goes on, and
-    after its process was killed.
+    With these files and the recording so far, a run can be viewed and replayed while it goes on,
+    and after its process was killed.
 
     Raises:
-        InputError: they cannot be written.
+        InputError: the files cannot be written.
 
     """
 
@@ -74,7 +74,7 @@ class RecordedFolder:
             )
 
     def told(self, events: Sequence[EventRecord]) -> None:
-        """Keep the mission's ``events`` so far: a replay repeats those of behaviours."""
+        """Write the mission's ``events`` so far: a replay repeats those of behaviours."""
         with suppress(OSError):  # of a full disk, which costs no run
             self._write(events)
 
@@ -85,8 +85,8 @@ class RecordedFolder:
 def write_run(result: MissionResult, target: RunFolder) -> tuple[str, ...]:
     """Write all files of the run into the (temporary) folder of ``target``, the result first.
 
-    Returns why files are missing, if any are: a picture or a recording that cannot be written, or
-    that the user interrupts, does not cost the result.
+    Returns messages about missing files: if a picture or recording cannot be written, or the user
+    interrupts it, the result is kept.
 
     Raises:
         InputError: the result cannot be written.
@@ -120,7 +120,7 @@ def write_run(result: MissionResult, target: RunFolder) -> tuple[str, ...]:
 
 
 def write_tum(path: Path, time: Array, poses: Array) -> None:
-    """Write ``poses`` (n, 3; x, y [m], yaw [rad]) at ``time`` (n,) [s] as a trajectory of TUM."""
+    """Write ``poses`` (n, 3; x, y [m], yaw [rad]) at ``time`` (n,) [s] in the format of TUM."""
     half, none = 0.5 * poses[:, 2], np.zeros(len(time))
     rows = np.column_stack([time, poses[:, :2], none, none, none, np.sin(half), np.cos(half)])
     np.savetxt(path, rows, "%.6f", header="timestamp tx ty tz qx qy qz qw")
@@ -173,17 +173,17 @@ _BELOW = 0.95
 """Height of the room below the picture, for axis and legend [inch]."""
 
 _TIME_STEPS = (1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1800.0)
-"""Intervals between two times on the path [s]."""
+"""Possible intervals between the times written beside the path [s]."""
 _MAX_TIMES = 10
-"""Largest number of times on the path."""
+"""Largest number of times written beside the path."""
 _DIRECTION_OVER = 0.5
-"""Time over which the direction of the path is taken, each way [s]."""
+"""Time before and after a point over which the direction of the path is taken [s]."""
 _STANDING = 0.02
 """Length [m] up to which a part of the path has no direction."""
 
 
 def draw_trajectory(result: MissionResult, path: Path) -> None:
-    """Write the picture of a run as PNG to ``path``."""
+    """Draw the picture of a run and write it as PNG to ``path``."""
     log, mission, movers = result.log, result.session.mission, result.movers
     outline, goals = outline_of(result.session.plan), [(goal.x, goal.y) for goal in mission.goals]
     shown = log.every(0.1)

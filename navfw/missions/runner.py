@@ -1,4 +1,4 @@
-"""The closed loop of a mission: sensor readings to the stack, its twist to the wheels."""
+"""The closed loop of a mission: it passes sensor readings to the stack, its twist to the wheels."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from navfw.robot import RobotModel
 from navfw.signals import Pose, SensorReading, Twist, Waypoint
 
 _SETTLE_TIME = 2.0
-"""Longest time [s] from the stack's report that it has finished to standstill."""
+"""Longest time [s] to wait for standstill after the stack reports that it has finished."""
 
 _EMERGENCY = "emergency"
 """Name of the behaviour whose commands count as emergency commands."""
@@ -41,7 +41,7 @@ _FAULTS = {
     "sight": Cause.NOTHING_SEEN,
     "stage": Cause.PLUGIN_FAILED,
 }
-"""Cause of the fault by the part of the stack that has failed for good."""
+"""Cause of the fault, by the part of the stack that has failed permanently."""
 
 _STILL = 0.02
 """Commanded speed [m/s] and turning rate [rad/s] up to which the robot counts as standing still."""
@@ -50,17 +50,17 @@ _STALL_RADIUS = 0.3
 """A robot that stays within this distance [m] of one position makes no progress."""
 
 MAX_FAULTS = 100
-"""Largest number of kinds of plugin faults in a result."""
+"""Largest number of distinct plugin faults in a result."""
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
     """The part of a mission that the loop uses.
 
-    A goal counts as visited when the robot's true distance is at most ``success_radius`` [m]; for
-    the last goal, when the stack has finished. The stack gets the true ``start`` only if
+    A goal counts as visited when the robot's true distance is at most ``success_radius`` [m]; the
+    last goal, when the stack has also finished. The stack gets the true ``start`` only if
     ``start_known``. ``timeout`` [s] is simulated time. A robot without progress for ``stuck_after``
-    [s] is stuck. Contacts named in ``drops`` are falls.
+    [s] is stuck. Contacts named in ``drops`` are reported as falls.
     """
 
     robot: RobotModel
@@ -74,10 +74,10 @@ class Task:
 
 
 class MissionLoop:
-    """One run, an iterator over its control ticks; ``verdict`` is that of a mission that has ended.
+    """One run of a mission, as an iterator over its control ticks.
 
-    ``watchers`` and ``events`` take in every tick. A run that takes longer than ``limit`` [s] of
-    wall-clock time ends as a fault; otherwise that time is used in reports only.
+    ``watchers`` are called with every tick. A run that takes longer than ``limit`` [s] of
+    wall-clock time ends as a fault; otherwise that time is only reported.
     """
 
     def __init__(
@@ -128,7 +128,7 @@ class MissionLoop:
         return self
 
     def step(self) -> TickView | None:
-        """Drive one control tick; None if there is none, as the mission has ended or failed.
+        """Drive one control tick and return it; None if the mission has ended or failed.
 
         Raises:
             InputError: as ``run``.
@@ -143,10 +143,10 @@ class MissionLoop:
 
     @property
     def verdict(self) -> MissionVerdict:
-        """How the mission has ended.
+        """The verdict of a mission that has ended.
 
         Raises:
-            InputError: it has not.
+            InputError: the mission has not ended.
 
         """
         if self._verdict is None:
@@ -160,12 +160,12 @@ class MissionLoop:
 
     @property
     def sim_time(self) -> float:
-        """Simulated time [s] since the beginning."""
+        """Simulated time [s] since the loop was made."""
         return self.simulator.time - self.first
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Faults of plugins that the stack contained."""
+        """Errors of plugins that the stack contained, as text."""
         return self.pilot.state.faults[:MAX_FAULTS]
 
     @contextmanager

@@ -1,4 +1,4 @@
-"""One run: world, mission and stack; the drive, whole or tick by tick; its result.
+"""One run: world, mission and stack; the drive, as a whole or tick by tick; its result.
 
 ``navfw.missions.session_setup`` makes a session from names.
 """
@@ -55,8 +55,8 @@ class Session:
     """World, mission and stack of a run, loaded and checked; ``run`` may be called repeatedly.
 
     ``shortest`` [m] is the length of the shortest path through all goals, in ``passable``: ``plan``
-    with all doors open. If not ``drawn``, images show nothing: for a stack with ``ideal`` flow. If
-    ``coarse``, physics has longer steps.
+    with those doors open that events open. If not ``drawn``, camera images are blank, as for
+    ``ideal`` flow. If ``coarse``, the physics takes longer steps.
     """
 
     world_name: str
@@ -93,20 +93,20 @@ class Session:
 
     @property
     def success_radius(self) -> float:
-        """The true distance [m] from a goal that counts: any, for who need not come back."""
+        """True distance [m] from a goal that counts as reached; infinite if none need be."""
         explore = self.mission.spec.explore
         home = explore is None or explore.return_home
         return self.mission.spec.success.within if home else math.inf
 
     def uninvited(self, faults: Sequence[str]) -> tuple[str, ...]:
-        """The ``faults`` of plugins that the mission's events did not inject."""
+        """Return those ``faults`` of plugins that the mission's events did not inject."""
         failing = (event.behavior.name for event in self.events if event.behavior)
         invited = tuple(f"behavior {name}: " for name in failing)
         return tuple(fault for fault in faults if not fault.startswith(invited))
 
     @property
     def seen(self) -> SeenRun:
-        """What recordings and viewers show of a run."""
+        """The stack, outline and walkers of the run, for recordings and viewers."""
         return SeenRun(self.stack, outline_of(self.plan), partial(discs_of, self._walkers))
 
     @property
@@ -116,12 +116,12 @@ class Session:
 
     @property
     def description(self) -> dict[str, str]:
-        """What a recording tells of its run: names, seed, and the configuration as JSON."""
+        """The metadata of a recording: names, seed, and the configuration as JSON."""
         names = {"world": self.world_name, "mission": self.mission_name, "seed": str(self.seed)}
         return {**names, "config": json.dumps(plain_json(self.config))}
 
     def simulation(self, gui: bool = False) -> Simulation:
-        """The simulator, the robot at the start; a stack with ``oracle: true`` gets its truth."""
+        """Start the simulator, the robot at the start; ``oracle: true`` stacks get its truth."""
         spec = self.mission.spec
         simulation = Simulation(
             self.world,
@@ -148,9 +148,9 @@ class Session:
     ) -> MissionResult:
         """Drive the mission once; with ``record`` it is recorded, for a replay and for viewers.
 
-        The recording is in a temporary file, or that of a ``recorder``. ``watchers`` take in every
-        tick, ``told`` the events so far when one has begun or ended. A run that takes longer than
-        ``limit`` [s] of wall-clock time ends as a fault.
+        The recording is in a temporary file, or in that of a given ``RunRecorder``. ``watchers``
+        are called with every tick, ``told`` with the events so far when one has begun or ended. A
+        run that takes longer than ``limit`` [s] of wall-clock time ends as a fault.
 
         Raises:
             InputError: the stack refuses the mission before the robot has moved.
@@ -172,11 +172,11 @@ class Session:
 
 
 class SteppedSession(MissionLoop):
-    """A mission to step through; a context manager, and an iterator over its ticks.
+    """A mission to step through tick by tick; a context manager, and an iterator over its ticks.
 
     The commands are those of ``navfw.run`` with the same arguments, bit for bit. ``result`` is the
-    mission's result, once it has ended. Kernels of imported modules that are not compiled yet are
-    compiled first, unless they are known to be ``compiled``.
+    mission's result, once it has ended. Compiled kernels that are missing are built first, unless
+    ``compiled`` says that there are none.
     """
 
     def __init__(
@@ -214,7 +214,7 @@ class SteppedSession(MissionLoop):
         self._simulation.close()
 
     def step(self) -> TickView | None:
-        """Drive one control tick; None once the mission has ended.
+        """Drive one control tick and return it; None once the mission has ended.
 
         Raises:
             InputError: the session is not open, or the stack refuses the mission.
@@ -231,7 +231,7 @@ class SteppedSession(MissionLoop):
         return tick
 
     def explain(self) -> dict[str, Any]:
-        """Why the last command was given, as plain data (``Stack.explain``)."""
+        """Explain why the last command was given, as plain data (``Stack.explain``)."""
         return self.session.stack.explain()
 
     @cached_property
@@ -247,10 +247,10 @@ class SteppedSession(MissionLoop):
 
 @dataclass(frozen=True, kw_only=True)
 class MissionResult(RunResult):
-    """The result of a run in this process, with what it was made of.
+    """The result of a run in this process, with the objects that it was made of.
 
     ``log`` has one row per control tick. ``movers`` has the positions of the world's movers over
-    time, ``changes`` the solids that existed for a part of the run only.
+    time, ``changes`` the solids that existed only for a part of the run.
     """
 
     session: Session = field(repr=False)
@@ -262,7 +262,7 @@ class MissionResult(RunResult):
 
     @classmethod
     def of(cls, session: Session, drive: MissionLoop, simulation: Simulation) -> MissionResult:
-        """The result of a ``drive`` in ``simulation``.
+        """Compute the result of a ``drive`` in ``simulation``.
 
         Raises:
             InputError: the mission has not ended.
@@ -323,7 +323,7 @@ class MissionResult(RunResult):
         return replace(result, assumed=session.mission.assumed, **failure_of(result))
 
     def explored_map(self, name: str) -> TopoMap:
-        """The map ``name`` (or file) of an exploration; InputError if there is none."""
+        """Make the map of an exploration, called ``name``; InputError if nothing was explored."""
         made, plan = self._explored, self._explored.floor_plan
         return TopoMap(Path(name).stem, made.places.values(), made.passages, floor_plan=plan)
 
@@ -335,17 +335,14 @@ class MissionResult(RunResult):
         return made_map(EXPLORED, growing.grid, growing.robot.radius, growing.drops)
 
     def corrected_map(self, name: str) -> TopoMap:
-        """The mission's map as ``name``, with ``map_changes``; MapError if nothing is left."""
+        """Return the mission's map with ``map_changes`` as ``name``; MapError if it is empty."""
         stack, radius = self.session.stack, self.session.mission.spec.robot.radius
         known = stack.planner.findings[2] or stack.topo_map
         return corrected_map(known, stack.growth.growing_map.grid, self.map_changes, radius, name)
 
     @property
     def exit_code(self) -> int:
-        """That of ``navfw run``: 0 for an accomplished mission without objections, else 1.
-
-        130 for a run that was stopped by the user.
-        """
+        """0 if the mission succeeded without objections, 130 if the user stopped it, else 1."""
         if self.outcome is Outcome.CANCELLED:
             return INTERRUPTED
         return 0 if self.outcome.succeeded and not self.objections else 1

@@ -1,4 +1,4 @@
-"""From names to a run: world, mission and stack are found, loaded, and checked against each other.
+"""Find, load and cross-check world, mission and stack, and make a run of them.
 
 >>> import navfw
 >>> result = navfw.run("office", "lobby-to-lab", seed=1)              # doctest: +SKIP
@@ -39,16 +39,16 @@ from navfw.stack import Stack
 from navfw.stack.stack_document import read_stack
 
 Mission: TypeAlias = str | Path | tuple[float, float] | Destination | None
-"""A mission's name or file; or the point x, y [m], or destination, that a mission from the world's
-start leads to, the start of its first mission with a known one; None: an exploration from there."""
+"""A mission's name or file; or a point x, y [m] or destination to drive to from the start of the
+world's first mission with a known start; None: an exploration from that start."""
 
 _DEFAULT_STACK, _FLOOR_PLAN_STACK, _LANDMARK_STACK = "default", "floor_plan", "landmarks"
-"""The stack of a mission that names none, and the one if its map has a floor plan."""
+"""The stacks of a mission that names none: without a floor plan, with one, with landmarks."""
 _EXPLORE_STACK, _EXPLORER = "explore", "explorer"
 """The stack of an exploration that names none; its planner, which gets limit and return."""
 
 _MISSION_PARTS = ("robot", "sensors")
-"""Keys of a mission file that overrides may begin with; others need ``mission.`` before them."""
+"""Keys of a mission file that overrides may begin with; others need the prefix ``mission.``."""
 
 
 def run(
@@ -60,12 +60,11 @@ def run(
     set: Settings = (),  # noqa: A002 - as on the command line
     record: bool = False,
 ) -> MissionResult:
-    """Drive a mission to its end, as ``navfw run`` does; nothing is written.
+    """Drive a mission to its end, as ``navfw run`` does, without writing files.
 
-    Without ``stack`` the mission's own drives, else ``floor_plan`` if the map has a floor plan,
-    else ``default``. ``set`` changes values, by texts as for ``--set`` or by a mapping such as
-    ``{"avoid.latency": 0.5}``. With ``record`` the result has a recording, for
-    ``navfw.missions.run_report.write_run``.
+    Without ``stack``, ``chosen_stack`` takes the mission's own or a default. ``set`` changes
+    values, by texts as for ``--set`` or by a mapping such as ``{"avoid.latency": 0.5}``. With
+    ``record`` the result has a recording, for ``navfw.missions.run_report.write_run``.
 
     Raises:
         InputError: world, mission, seed, stack or ``set`` is wrong, or the stack refuses the
@@ -87,7 +86,7 @@ def open_session(
     stack: str | Path | None = None,
     set: Settings = (),  # noqa: A002 - as on the command line
 ) -> SteppedSession:
-    """The same mission, to be stepped tick by tick: a context manager, and an iterator.
+    """Open a mission that you step tick by tick: a context manager, and an iterator.
 
     Raises:
         InputError: world, mission, seed, stack or ``set`` is wrong.
@@ -97,10 +96,10 @@ def open_session(
 
 
 def open_simulation(world: str | Path, mission: Mission, *, seed: int = 0) -> Simulation:
-    """The simulated robot of a mission at its start, for a program of your own that drives it.
+    """Open the simulated robot of a mission at its start, for a program of your own that drives it.
 
-    A context manager. ``read`` gives what its sensors measure, ``drive`` sets the wheels' speeds,
-    ``advance`` lets time pass.
+    Use it as a context manager. ``read`` returns what its sensors measure, ``drive`` sets the
+    wheels' speeds, ``advance`` lets time pass.
 
     Raises:
         InputError: world, mission or seed is wrong.
@@ -118,11 +117,11 @@ def prepare(
     overrides: Settings = (),
     registry: Registry | None = None,
 ) -> Session:
-    """Load and check world, mission, map and stack.
+    """Load world, mission, map and stack, and check them against each other.
 
-    ``stack`` is that of ``chosen_stack``.
-    ``overrides`` that begin with ``mission.`` (``mission.timeout=60``), ``robot.`` or ``sensors.``
-    apply to the mission, all others (``offis.layers=1``) to the stack.
+    ``stack`` is resolved by ``chosen_stack``. ``overrides`` that begin with ``mission.``
+    (``mission.timeout=60``), ``robot.`` or ``sensors.`` apply to the mission, all others
+    (``offis.layers=1``) to the stack.
 
     Raises:
         InputError: one of them does not exist, breaks its schema, or contradicts another; the
@@ -152,7 +151,7 @@ def session_of(
     overrides: tuple[str, ...],
     registry: Registry,
 ) -> Session:
-    """The session of a loaded mission in ``world``; of ``overrides``, those for the stack apply.
+    """Make the session of a loaded mission in ``world``; only overrides of the stack are applied.
 
     Raises:
         InputError: world, mission and stack contradict each other.
@@ -186,7 +185,7 @@ def session_of(
 
 
 def with_drops(world: WorldSpec, mission: MissionFile) -> WorldSpec:
-    """The world with the drops that the mission adds to its floor.
+    """Return ``world`` with the drops that the mission adds to its floor.
 
     Raises:
         WorldError: a drop contradicts the world; the message has the mission's file, line and key.
@@ -202,7 +201,7 @@ def with_drops(world: WorldSpec, mission: MissionFile) -> WorldSpec:
 
 
 def chosen_stack(mission: MissionFile, stack: str | Path | None = None) -> Path:
-    """The file of ``stack``; without one, of the stack that the mission names.
+    """Find the file of ``stack``; without one, of the stack that the mission names.
 
     If it names none, it is ``explore`` for an exploration, ``floor_plan`` where its map has a floor
     plan, else ``default``; ``landmarks`` if a map with a plan has them and the start is unknown.
@@ -243,9 +242,9 @@ def _task_of(mission: MissionFile, stack_file: Path) -> list[str]:
 
 
 def split_overrides(overrides: Sequence[str]) -> tuple[list[Override], list[str]]:
-    """Overrides for the mission file, and the others, which are for the stack.
+    """Split overrides into those for the mission file, and the others, which are for the stack.
 
-    ``robot=NAME`` chooses the robot, in place of all that the mission says of it.
+    ``robot=NAME`` replaces the whole robot of the mission.
 
     >>> mission, stack = split_overrides(["mission.timeout=9", "robot.radius=1", "dis.x=1"])
     >>> [override.path for override in mission], stack

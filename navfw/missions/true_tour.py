@@ -1,7 +1,7 @@
-"""The nearest-frontier tour on the true map: what an exploration's path is compared with.
+"""The nearest-frontier tour on the true map, to compare an exploration's path with.
 
-The tour sees without errors what the robot's camera could see, drives always to the nearest
-frontier, on the same ground and frontiers as the planner ``explorer``, and back to the start.
+The tour sees without errors what the robot's camera could see, and always drives to the nearest
+frontier, with the ground and frontiers of the planner ``explorer``, and back to the start.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from navfw.sim.scene_geometry import ConfigurationSpaceGrid
 _RANGE = 3.0
 """Distance [m] up to which the tour sees: the range of the local map."""
 _STEP = 0.4
-"""Distance [m] driven between two looks."""
+"""Distance [m] driven between two observations."""
 _MAX_LOOKS = 20_000
-"""Largest number of looks, against a tour that does not end."""
+"""Largest number of observations; it ends a tour that would not end."""
 _FREE, _OCCUPIED = -64, 64
 """Evidence of what was seen."""
 
@@ -43,7 +43,7 @@ class TrueTour:
         self._away = np.arange(0.5, _RANGE / solid.cell, 0.5) * solid.cell
 
     def length(self, *, back: bool) -> float:
-        """The length [m] of the tour, and of the way back to the start if the tour leads there."""
+        """Compute the length [m] of the tour; with ``back``, also of the path back to the start."""
         self._mark_body()
         self._look()
         driven = 0.0
