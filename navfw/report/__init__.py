@@ -1,4 +1,4 @@
-"""Reports of runs and suites: one HTML file each, which needs no network."""
+"""Reports of runs and suites: each is one HTML file that needs no network."""
 
 import lazy_loader
 

@@ -1,6 +1,6 @@
-"""Pages of HTML that need no network: templates, scripts and pictures become one text.
+"""HTML pages that need no network: template, scripts and pictures in one text.
 
-The page of perceived images is one of them: picture, sentence, front and nearness, image by image.
+``PerceivePage`` is the page of perceived images: picture, sentence, floor in front and nearness.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ _HERE = Path(__file__).parent
 
 
 def reduced_source(image: Image, width: int, **options: Any) -> str:
-    """``image`` as a data URL in WebP, reduced to ``width`` [px] if it is wider.
+    """Encode ``image`` as a WebP data URL, reduced to ``width`` [px] if it is wider.
 
-    It is gray, BGR, or BGR with opacity; ``options`` are Pillow's: quality up to 100, or lossless.
+    It is gray, BGR, or BGR with opacity; ``options`` are Pillow's: quality to 100, or lossless.
     """
     high, wide = image.shape[:2]
     if wide > width:
@@ -45,7 +45,7 @@ def reduced_source(image: Image, width: int, **options: Any) -> str:
 
 
 def render_page(template: str, **content: Any) -> str:
-    """The page of ``template`` with ``content``."""
+    """Render the HTML page of the file ``template`` in this folder with ``content``."""
     environment = Environment(
         loader=FileSystemLoader(_HERE),
         autoescape=True,
@@ -62,13 +62,13 @@ def render_page(template: str, **content: Any) -> str:
 _WIDTH, _QUALITY = 640, 60
 """Width [px] and quality of the pictures."""
 _MAX_PICTURES = 600
-"""Largest number of pictures on a page; of longer sequences every second, fourth, ... is shown."""
+"""Largest number of pictures on a page; of longer sequences only every 2nd, 4th, ... is shown."""
 _KEPT = "time", "statements", "notes", "front", "confidence", "ttc_s"
 _QUADRANTS = ("P1", "P2", "P3", "P4")
 
 
 class PerceivePage:
-    """Collects the results of a sequence called ``title`` for one page that needs no network."""
+    """Collects the results of an image sequence called ``title`` for one page without network."""
 
     def __init__(self, title: str) -> None:
         self._title = title
@@ -77,7 +77,7 @@ class PerceivePage:
         self._every, self._seen, self._changes, self._sentence = 1, 0, 0, ""
 
     def add(self, picture: Image, result: Mapping[str, Any]) -> None:
-        """Add a pair of images: its overlay (height, width, 3) BGR, its result as plain data."""
+        """Add an image: its overlay (height, width, 3) BGR, and its result as plain data."""
         contacts = [result["distances"][name]["ttc_s"] for name in _QUADRANTS]
         nearness = (math.nan if contact is None else 1.0 / contact for contact in contacts)
         self._nearness.append((result["time"], *nearness))
@@ -95,7 +95,7 @@ class PerceivePage:
             del self._moments[1::2]
 
     def render(self, notes: list[str]) -> str:
-        """The page as HTML, with ``notes`` on the whole sequence."""
+        """Return the page as HTML, with ``notes`` on the whole sequence."""
         columns = np.round(np.array(self._nearness).reshape(-1, 5).T, 4)
         return render_page(
             "perceive_page.html",

@@ -1,4 +1,4 @@
-"""The moments of a recorded run that its report shows, each with all that was newest at it."""
+"""The moments of a recorded run that its report shows, each with the newest of all messages."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from navfw.report.run_timeline import RunEvent, newest_pose, planar_pose
 from navfw.signals import Pose
 
 _MAX_MOMENTS = 240
-"""Largest number of moments of a report; of a longer run they are further apart."""
+"""Largest number of moments of a report; those of a longer run are further apart."""
 
 _MAX_TEXT = 8000
-"""Largest length of the rules of a moment; what is longer is cut."""
+"""Largest length of the rules of a moment [characters]; longer text is cut."""
 _MAX_POINTS = 2000
-"""Largest number of flow vectors and of cells of a moment."""
+"""Largest number of flow vectors, and of cells, of a moment."""
 _WIDTH = 320
 """Width to which larger camera images are reduced [px]."""
 _QUALITY = 75
@@ -44,15 +44,15 @@ SHOWN = (
     topics.TRUE_POSE,
     topics.PATH,
 )
-"""What reports and videos show beside the camera's images."""
+"""The channels that reports and videos show besides the camera's images."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rating:
-    """How each behaviour of ``names`` rates the commands (0 to 255).
+    """The ratings of all commands by the behaviours ``names``, scaled from [0, 1] to 0 to 255.
 
     ``desirability``, ``prohibition`` (behaviours, speeds, turns) uint8; ``v`` [m/s] and ``w``
-    [rad/s] are the first command and its step.
+    [rad/s] are each the lowest value and the step.
     """
 
     names: tuple[str, ...]
@@ -62,9 +62,9 @@ class Rating:
     w: tuple[float, float]
 
     def commands(self, reverse: int) -> tuple[Array, Array]:
-        """The speeds [m/s], ``reverse`` of them backward, and the turns [rad/s].
+        """Return the speeds [m/s], the first ``reverse`` of them backward, and the turns [rad/s].
 
-        Speeds backward have a step of their own; 0 lies between both.
+        Backward speeds have a step of their own, from the lowest speed to 0.
         """
         speeds, turns = self.prohibition.shape[1:]
         top = self.v[0] + (speeds - 1) * self.v[1]
@@ -78,17 +78,18 @@ class Rating:
 def read_moments(
     run: RecordedRun, events: Iterable[RunEvent] = (), limit: int = _MAX_MOMENTS
 ) -> list[dict[str, Any]]:
-    """At most ``limit`` moments of ``run``, evenly among the camera's images, and each event's.
+    """Read at most ``limit`` moments of ``run``, evenly spaced in its images, and one per event.
 
-    Moments are those of images at which ratings were recorded as well: their command is that of
-    these ratings. Each is what was known at ``time`` [s], by name as the page's script reads it.
+    A moment is an image at which the behaviours' ratings were recorded, so that its command is that
+    of these ratings: a mapping of what was known at ``time`` [s], as the page's script reads it.
     ``image`` is a data URL of ``size`` (width, height) [px of the camera]. ``flow`` holds lines
     (x0, y0, x1, y1), ``cells`` groups of points (x, y) with their CSS colour, both in sixteenths of
-    a pixel from the upper left corner. ``robot`` is its true pose, ``estimate`` the believed one,
-    ``way`` the points of the way ahead, x, y [m]. ``movers`` are discs (x, y, radius), ``courses``
-    where each goes in a second, ``walkers`` the true discs; ``map`` is the local map, with its
-    lowest corner, yaw and size; ``rating`` a ``Rating``; ``inputs`` the values that the leader's
-    rules name; ``chase`` the view from behind as a data URL; None where one of these is not known.
+    a pixel from the upper left corner. In ``map``, ``robot`` is its true pose, ``estimate`` the
+    believed one, ``way`` the points x, y [m] of the path ahead; ``movers`` are discs (x, y,
+    radius), ``courses`` their paths of the next second, ``walkers`` the true discs. ``map`` is the
+    local map with its lowest corner, yaw and size; ``rating`` a ``Rating``; ``inputs`` the values
+    that the leader's rules name; ``chase`` the view from behind as a data URL; None where one is
+    not known.
 
     Raises:
         ConfigError: the recording is damaged.
@@ -116,10 +117,10 @@ def read_moments(
 def newest_at_images(
     run: RecordedRun, wanted: tuple[str, ...], kept: Container[int]
 ) -> Iterator[dict[str, RecordedMessage]]:
-    """The newest message of each ``wanted`` topic at each image of ``kept``, and the image.
+    """For each image whose number is in ``kept``: the newest message of each ``wanted`` topic.
 
-    Images stand later in the file than what was logged with them: they are packed meanwhile. The
-    mapping is updated from image to image.
+    Each mapping also has the image. Images are later in the file than messages of the same time, as
+    they are compressed meanwhile.
     """
     newest: dict[str, RecordedMessage] = {}
     others = run.messages(*wanted)
@@ -133,7 +134,7 @@ def newest_at_images(
 
 
 def chase_picture(run: RecordedRun, content: Mapping[str, Any]) -> Image | None:
-    """The view of ``run`` from behind at the true pose, if both are known."""
+    """Draw the view of ``run`` from behind the true pose; None if world or pose is unknown."""
     pose = newest_pose(content, topics.TRUE_POSE)
     return None if run.chase is None or pose is None else run.chase(pose, _walkers(content))
 
@@ -213,9 +214,9 @@ def _surroundings(newest: Mapping[str, RecordedMessage], maps: dict[float, str])
 
 
 def moving_obstacles(scene: Any, odom: Pose) -> Iterator[tuple[Array, tuple[float, float], float]]:
-    """Of ``viewer_messages.obstacles_message``, in the parent of ``odom``: course, middle, radius.
+    """Yield course, centre and radius [m] of the obstacles in an ``obstacles_message``.
 
-    A course (2, 2) leads from the obstacle to where it will be in a second.
+    A course (2, 2) leads to the position a second later; all are in the parent frame of ``odom``.
     """
     for entity in scene.entities:
         for body, line in zip(entity.cylinders, entity.lines, strict=True):
@@ -225,13 +226,13 @@ def moving_obstacles(scene: Any, odom: Pose) -> Iterator[tuple[Array, tuple[floa
 
 
 _KNOWN = 0.04
-"""Distance of an occupancy from one half from which a cell of the local map is shown."""
+"""Smallest difference of the occupancy from one half at which a cell of the local map is shown."""
 _STRENGTH = 1.3
-"""Opacity of the local map per distance of the occupancy from one half."""
+"""Opacity of the local map per difference of the occupancy from one half."""
 
 
 def local_map_picture(grid: Any) -> Image:
-    """``viewer_messages.local_map_message`` as a picture (rows, columns, 4): BGR and opacity."""
+    """Draw ``viewer_messages.local_map_message``: a picture (rows, columns, 4), BGR and opacity."""
     percent = np.frombuffer(grid.data, dtype=np.uint8).reshape(-1, grid.column_count)
     lean = percent / 100.0 - 0.5
     picture = np.zeros((*percent.shape, 4), dtype=np.uint8)

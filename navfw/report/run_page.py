@@ -1,7 +1,7 @@
-"""The page of a run, while it goes on and after it: one HTML file.
+"""The HTML page of a run, while it goes on and after it.
 
-A report has plan, pictures, ratings, rules and timelines. The page of a running mission has what
-does not change while it runs; ``live_page.js`` shows the rest.
+A report has plan, pictures, ratings, rules and timelines. The page of a run that still goes on has
+what does not change; ``live_page.js`` shows the rest.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from navfw.topomap import TopoMap, load_map
 
 
 def live_page(title: str, seen: SeenRun, goals: list[tuple[float, float]]) -> str:
-    """The page (HTML) that ``LiveServer`` serves of a run to ``goals`` (x, y) [m, map frame]."""
+    """Render the page that ``LiveServer`` serves of a run to ``goals`` (x, y) [m, ``map``]."""
     stack, outline = seen.stack, seen.outline
     named = _places(stack.topo_map)
     bounds = outline.bounds(0.2, np.array([*goals, *((x, y) for _, x, y in named)]))
@@ -63,9 +63,9 @@ def plan_data(
     places: Sequence[tuple[str, float, float]],
     behaviors: Iterable[str],
 ) -> dict[str, Any]:
-    """What ``page_drawing.js`` draws a plan of: ``shapes`` and ``places`` (name, x, y) within.
+    """The data of which ``page_drawing.js`` draws a plan: ``shapes``, ``places`` (name, x, y).
 
-    ``bounds`` are the lowest and highest x, y [m]; ``behaviors`` get their colours.
+    ``bounds`` are the lowest and highest x, y [m]; ``behaviors`` are given their colours.
     """
     return {
         "bounds": [*bounds[0], *bounds[1]],
@@ -103,25 +103,25 @@ _NUMBERS = {
 """Results on the page, each with its name and unit."""
 
 _OF_ROUTES = "shortest_path_m", "shortest_with_room_m"
-"""Those that an exploration has not: it has no goal to take the shortest path to."""
+"""Those that an exploration lacks: it has no goal to take the shortest path to."""
 
 
 @dataclass(frozen=True, slots=True)
 class ChangedRun:
-    """What a stack with ``changes`` would have commanded, for the report of a run."""
+    """The commands that a stack with ``changes`` would have given in a recorded run (what if)."""
 
     changes: str
     result: WhatIf
 
 
 def run_report(folder: Path, chase: Chase | None = None, changed: ChangedRun | None = None) -> str:
-    """The report of the run in ``folder`` as HTML; without a recording, its result and picture.
+    """Render the report of the run in ``folder`` as HTML; without a recording, only the result.
 
     ``chase`` draws the robot from behind, if its world is known. The commands of a ``changed``
     stack are shown beside those of the run.
 
     Raises:
-        ConfigError: it is not a run folder, or its files are damaged.
+        ConfigError: ``folder`` is not a run folder, or its files are damaged.
 
     """
     result = read_result(folder)

@@ -1,8 +1,8 @@
-"""The story of a recorded run: what the robot wanted, and where it did anything else than drive on.
+"""The story of a recorded run: the robot's task, and each time that it did not just drive on.
 
-Decisions in a row that show the same become one episode: held, standing, backing away, turning on
-the spot, turning aside, giving way, slow, lost. Each is told by its time and place, the behaviour,
-its strongest rule, and how far that rule was fulfilled.
+Consecutive decisions that look alike become one episode: held, standing, backing away, turning on
+the spot, turning aside, giving way, slow, lost. Each is reported with its time and place, the
+behaviour, its strongest rule, and the degree to which that rule was fulfilled.
 """
 
 from __future__ import annotations
@@ -28,37 +28,37 @@ from navfw.recording.run_folder import MAP, RESULT, read_result
 from navfw.topomap import load_map
 
 LINES = 29
-"""Largest number of lines of a story, beside that on how the run ended."""
+"""Largest number of lines of a story, besides the line on how the run ended."""
 
 _STANDING, _TURNING = 0.02, 0.1
-"""Speed [m/s] and rate [rad/s] up to which a robot stands, or does not turn."""
+"""Speed [m/s] and rate [rad/s] up to which a robot counts as standing, or as not turning."""
 
 _TURNED_ASIDE = 0.17
-"""Least turn [rad] of a robot that turns aside."""
+"""Smallest turn [rad] of a robot that counts as turning aside."""
 
 _SLOW = 0.6
-"""Share of the top speed below which a robot is slow."""
+"""Share of the top speed below which a robot counts as slow."""
 
 _MIN_DURATION = {
     "held": 0.3, "lost": 0.2, "gave way": 0.5, "backed": 0.4, "stood": 1.0,
     "turned": 0.8, "aside": 0.5, "slow": 1.0,
 }  # fmt: skip
-"""Least duration [s] of an episode that is told, by its kind; those told first stand first."""
+"""Shortest duration [s] of an episode to report, by its kind, the most important first."""
 
 EPISODES = tuple(_MIN_DURATION)
-"""The kinds of episodes, what matters most first."""
+"""The kinds of episodes, the most important ones first."""
 
 _CLOSER = 0.3
-"""Share of these durations from which episodes are told of a part of the run."""
+"""Factor on these durations in the story of a part of the run."""
 
 _PAUSE = 0.6
-"""Time [s] between two episodes of a kind up to which they are one."""
+"""Longest time [s] between two episodes of a kind that are merged."""
 
 _AT, _NEAR = 0.6, 2.5
-"""Distance [m] from a place up to which the robot is at it, and near it."""
+"""Distances [m] from a place up to which the robot is "at" it, and "near" it."""
 
 _GOALS = 5
-"""Largest number of goals that are named."""
+"""Largest number of goals that the story names."""
 
 _GIVES_WAY, _ASIDE = ("give_way",), ("avoid",)
 """Behaviours that lead while the robot gives way, and while it turns aside."""
@@ -66,7 +66,7 @@ _GIVES_WAY, _ASIDE = ("give_way",), ("avoid",)
 
 @dataclass(frozen=True, slots=True)
 class StoryLine:
-    """What happened from ``time`` to ``until`` [s], of one ``kind``, in a sentence."""
+    """A sentence on what happened from ``time`` to ``until`` [s], with the ``kind`` of episode."""
 
     time: float
     until: float
@@ -115,10 +115,10 @@ def read_story(
     end: float = math.inf,
     lines: int = LINES,
 ) -> list[StoryLine]:
-    """Tell ``run`` in at most ``lines`` sentences, in the order of time.
+    """Summarize ``run`` in at most ``lines`` sentences, in the order of time.
 
-    ``result`` is that of the run, ``places`` are x, y [m, map] by name. From ``begin`` to ``end``
-    [s] shorter episodes are told as well, if that is a part of the run.
+    ``result`` is that of the run, ``places`` are x, y [m, ``map``] by name. If ``begin`` and
+    ``end`` [s] select a part of the run, shorter episodes are reported as well.
 
     Raises:
         ConfigError: the recording or the result is damaged.
@@ -176,14 +176,14 @@ def story_of(
 
 
 def headline(result: Mapping[str, Any]) -> str:
-    """How the run ended, why if it failed, and which plugins failed, in a sentence."""
+    """Say in a sentence how the run ended, why it failed, and which plugins failed."""
     after = f" after {result['sim_time_s']:.1f} s" if "sim_time_s" in result else ""
     why = "; ".join([why_so(result), *result.get("objections", ())])
     return f"{result['outcome']}{after}{'' if why.startswith('because ') else ':'} {why}"
 
 
 def why_so(result: Mapping[str, Any]) -> str:
-    """Why the run ended so: the cause of a failure, and the reason."""
+    """Say why the run ended: the cause if it failed, and the reason."""
     reason, cause = str(result.get("reason", "")), result.get("cause")
     if not cause:
         return reason

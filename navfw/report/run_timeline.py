@@ -1,4 +1,4 @@
-"""The course of a recorded run, and the events in it that a person looks at."""
+"""The time series of a recorded run, and the events in it that a reader wants to see."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from navfw.report.run_story import EPISODES, StoryLine
 from navfw.signals import Pose
 
 _MAX_ROWS = 4000
-"""Largest number of rows; of a longer run every n-th command is taken."""
+"""Largest number of rows; of a longer run only every n-th command is taken."""
 
 
 @dataclass(frozen=True, slots=True)
 class RunTimeline:
-    """The course of a run, one row per command (n rows), and the world that it went through.
+    """The time series of a run, one row per command (n rows), and the outline of its world.
 
     ``true`` and ``estimate`` (n, 2) [m] are positions in ``map``, ``leaders`` (n,) the leading
-    behaviours, ``held`` (n,) why the robot was held ("": it was not), ``commands`` (n, 2) v [m/s]
-    and w [rad/s]. ``clearance`` (n,) [m] is the distance of
-    the robot's edge to walls and furniture, nan where none is known; ``confidence`` (n,) that of
-    the position in [0, 1], nan where there is none. ``driven`` (n, 2) are the commands of whoever
-    drove in the stack's stead, nan without. Where the true position is not known, ``true`` is the
+    behaviours, ``held`` (n,) the reason why the safety monitor held the robot ("": it did not),
+    ``commands`` (n, 2) v [m/s] and w [rad/s]. ``clearance`` (n,) [m] is the distance from the
+    robot's edge to walls and furniture, nan if none is known; ``confidence`` (n,) that of the
+    position in [0, 1], nan without one. ``driven`` (n, 2) are the commands of another driver that
+    drove instead of the stack, nan without one. If the true position is not known, ``true`` is the
     estimate.
     """
 
@@ -49,7 +49,7 @@ class RunTimeline:
 
 
 def read_timeline(run: RecordedRun, robot_radius: float) -> RunTimeline:
-    """The course of ``run``; ``robot_radius`` [m] is subtracted from distances.
+    """Read the time series of ``run``; clearances are from a disc of ``robot_radius`` [m].
 
     Raises:
         ConfigError: the recording is damaged.
@@ -99,7 +99,7 @@ def read_timeline(run: RecordedRun, robot_radius: float) -> RunTimeline:
 
 
 def robot_and_goals(result: Mapping[str, Any]) -> tuple[float, list[tuple[float, float]]]:
-    """The robot's radius [m] and the goals (x, y) [m] in a result."""
+    """Return the robot's radius [m] and the goals (x, y) [m, ``map``] of a result."""
     with located_damage(Path(RESULT), "its configuration, which has the robot's radius and goals,"):
         mission = result["config"]["mission"]
         goals = [(float(goal["x"]), float(goal["y"])) for goal in mission["goals"]]
@@ -109,12 +109,12 @@ def robot_and_goals(result: Mapping[str, Any]) -> tuple[float, list[tuple[float,
 MAX_EVENTS = 80
 """Largest number of events of a report."""
 _KINDS = ("contact", "clearance", "event", *EPISODES)
-"""Kinds of events; a report opens on one of the first kind that there is."""
+"""Kinds of events; a report opens at an event of the first of these that occurred."""
 
 
 @dataclass(frozen=True, slots=True)
 class RunEvent:
-    """What happened at ``time`` [s], of one of ``_KINDS``, in words; ``point`` x, y [m] of one."""
+    """An event at ``time`` [s], of one of ``_KINDS``, in words; ``point`` is x, y [m] or None."""
 
     time: float
     kind: str
@@ -123,14 +123,14 @@ class RunEvent:
 
     @property
     def rank(self) -> tuple[int, float]:
-        """A key that sorts what matters most first."""
+        """A sort key: the most important kinds first, then by time."""
         return _KINDS.index(self.kind), self.time
 
 
 def run_events(
     timeline: RunTimeline, result: Mapping[str, Any], story: Sequence[StoryLine] = ()
 ) -> list[RunEvent]:
-    """Contacts, least clearance, the mission's events, and the episodes of the ``story``, by time.
+    """Contacts, smallest clearance, mission events, and the ``story``'s episodes, in order of time.
 
     Raises:
         ConfigError: contacts or events of the ``result`` are damaged.
@@ -176,7 +176,7 @@ def _corners(cube: Any) -> Array:
 
 
 def planar_pose(message: Any) -> Pose:
-    """The planar pose in a transform, or in a message with a ``pose``, with covariance or not."""
+    """Convert a transform, or the pose of a message, with covariance or not, to a planar pose."""
     if hasattr(message, "translation"):
         place, turn = message.translation, message.rotation
     else:
@@ -186,7 +186,7 @@ def planar_pose(message: Any) -> Pose:
 
 
 def newest_pose(content: Mapping[str, Any], topic: str) -> Pose | None:
-    """The planar pose on a channel, of the newest ``content`` of each; None without one."""
+    """The planar pose of the newest message on the channel ``topic``; None if there is none."""
     return planar_pose(content[topic]) if topic in content else None
 
 

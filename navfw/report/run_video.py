@@ -34,27 +34,27 @@ from navfw.report.run_moments import (
 from navfw.signals import Pose
 
 _KEY_HEIGHT = 70
-"""Height of the key below the plan [px]."""
+"""Height of the legend below the plan [px]."""
 _SCALES = (30.0, 160.0)
-"""Least and largest scale [px/m]; of a larger world the part around the robot is shown."""
+"""Smallest and largest scale [px/m]; of a larger world only the part around the robot is shown."""
 _BORDER = 0.4
-"""Floor shown around the world [m]."""
+"""Width of the floor shown around the world [m]."""
 _WHITE = "#FFFFFF"
 _PAPER, _INK, _FAINT = (255, 255, 255), (36, 28, 28), (117, 102, 91)
 """Blue, green and red of the background and of letters."""
 _TRUE = top_view.Style(_WHITE, palette.ESTIMATE, width=1.6)
 _BELIEVED = top_view.Style(edge=palette.ESTIMATE, width=0.8)
 _PX_PER_PT = 1.25
-"""Width of lines [px] per point."""
+"""Line width [px] per point of a style's width."""
 _MARKERS = {"star": cv2.MARKER_STAR, "diamond": cv2.MARKER_DIAMOND}
 _MARK_SIZE = 1.7
 """Size of OpenCV's marks [px] per point."""
 _SHIFT = 4
-"""Bits of a pixel's fraction in OpenCV's drawing."""
+"""Number of fractional bits of a coordinate in OpenCV's drawing."""
 
 
 class VideoPlan:
-    """Draws the plan of a run at one moment after the other, in ``size`` (width, height) [px].
+    """Draws the plan of a run, one moment after the other, as pictures of ``size`` (width, height).
 
     ``goals`` (x, y) and ``robot_radius`` are in metres.
     """
@@ -80,7 +80,7 @@ class VideoPlan:
         self._key = _key(timeline.leaders)
 
     def draw(self, time: float, content: Mapping[str, Any]) -> Image:
-        """The plan at ``time`` [s]; ``content`` has what is newest on each channel."""
+        """Draw the plan at ``time`` [s]; ``content`` is the newest message of each channel."""
         image = np.full(self._shape, _PAPER, dtype=np.uint8)
         write_key(image, self._key, (10.0, self._shape[0] - _KEY_HEIGHT + 22.0), 12.0, _INK)
         true = run_timeline.newest_pose(content, topics.TRUE_POSE)
@@ -210,9 +210,9 @@ _MARGIN = 12
 def draw_camera(
     time: float, image: Image, content: Mapping[str, Any], size: tuple[int, int]
 ) -> Image:
-    """The camera's ``image`` (height, width) at ``time`` [s] and the text, in ``size`` [px].
+    """Draw the camera's ``image`` (height, width) at ``time`` [s], text below, in ``size`` [px].
 
-    ``content`` has what is newest on each channel.
+    ``content`` is the newest message of each channel.
     """
     width, height = size
     panel = np.full((height, width, 3), _PAPER, dtype=np.uint8)
@@ -286,9 +286,9 @@ _SIZE = (640, 720)
 CHASE_SIZE = (640, 320)
 """Width and height of the view from behind, above the plan [px]."""
 _MAX_AGE = 2.0
-"""Age of a message from which it is no longer shown [s]."""
+"""Age of a message from which on it is not shown [s]."""
 _MAX_REPEATS = 600
-"""Largest number of times that a picture is repeated while the camera gives no other."""
+"""Largest number of times that a picture is repeated while the camera gives no new one."""
 
 
 def write_run_video(
@@ -298,10 +298,10 @@ def write_run_video(
     progress: Callable[[int, int], None],
     chase: topics.Chase | None = None,
 ) -> None:
-    """Write the recording in a run folder as a video, a picture for each image of the camera.
+    """Write the recording in a run folder as a video to ``target``, one picture per camera image.
 
     ``option`` is the option that names ``target``. ``progress`` is called with the number of
-    pictures so far and in all. ``chase`` draws the robot from behind, if its world is known.
+    pictures so far and in total. ``chase`` draws the robot from behind, if its world is known.
 
     Raises:
         ConfigError: the folder has no recording, or its files are damaged.
@@ -329,7 +329,7 @@ def write_run_video(
 
 
 def draw_moment(newest: dict[str, RecordedMessage], plan: VideoPlan, run: RecordedRun) -> Image:
-    """The picture of the ``newest`` messages at an image of ``run``."""
+    """Draw the picture of the ``newest`` messages at an image of ``run``."""
     camera = newest[topics.CAMERA_IMAGE]
     content = {
         topic: message.content

@@ -1,4 +1,4 @@
-"""The report of a suite: one HTML file with its summary, and its runs, failures first, by cause."""
+"""The report of a suite: one HTML file with its summary and its runs, failures first, by cause."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from navfw.suite.suite_folder import SuiteFolder
 from navfw.suite.suite_summary import equal_configurations, summarize, summary_table
 
 _MAX_PICTURES = 400
-"""Largest number of embedded pictures of a suite: about 10 MB. Of other runs there are links."""
+"""Largest number of embedded pictures of a suite, about 10 MB; other runs have links to theirs."""
 
 _WIDTH, _QUALITY = 640, 60
-"""Width [px] and quality (WebP, of 100) of an embedded picture: its labels can be read."""
+"""Width [px] and quality (WebP, of 100) of an embedded picture: its labels are legible."""
 
 
 class RunLines:
-    """Makes the lines of the suite in ``folder`` for a page in the folder ``page``.
+    """Makes the lines of a page, in the folder ``page``, on the runs of the suite in ``folder``.
 
-    ``damaged`` says of each picture that cannot be read why; its run has the link alone.
+    ``damaged`` has a message for each picture that cannot be read; its run has only the link.
     """
 
     def __init__(self, folder: SuiteFolder, page: Path) -> None:
@@ -39,10 +39,10 @@ class RunLines:
         self.damaged: list[str] = []
 
     def line(self, row: RunRow) -> dict[str, Any]:
-        """The line of one run: its ``row``, and its ``name``: entry, world and mission, each once.
+        """Make the line of one run from its ``row``; ``name`` is entry, world, mission, each once.
 
         ``image`` is a data URL, ``link`` the relative URL of the picture's file, and ``report``
-        that of the report of a recorded run; "" without one.
+        that of the report of a recorded run; each is "" if there is none.
         """
         recording = self._folder.recording(row)
         recorded = is_file(recording / RECORDING) or is_file(recording / REPORT)
@@ -68,16 +68,16 @@ class RunLines:
 
 
 def relative_link(file: Path, folder: Path) -> str:
-    """The URL of ``file`` on a page in ``folder``."""
+    """The URL of ``file``, relative to a page in ``folder``."""
     return quote(os.path.relpath(file.absolute(), folder.absolute()))
 
 
 _MAX_REACHED = 2000
-"""Largest number of successful runs on a page; the table has all of them."""
+"""Largest number of successful runs on a page; ``table.csv`` has all of them."""
 
 
 def suite_report(folder: SuiteFolder, page: Path) -> tuple[str, list[str]]:
-    """The report of the suite in ``folder`` as HTML, and what is wrong with pictures.
+    """Render the report of the suite in ``folder`` as HTML; also messages on damaged pictures.
 
     Links to pictures are relative to ``page``, the folder that the file will be in.
 
@@ -120,7 +120,7 @@ def suite_report(folder: SuiteFolder, page: Path) -> tuple[str, list[str]]:
 
 
 def finished_rows(folder: SuiteFolder) -> list[RunRow]:
-    """The rows of a suite that has at least one.
+    """Return the rows of the runs that have ended, at least one.
 
     Raises:
         ConfigError: no run has ended yet, or journal or table are damaged.
@@ -138,9 +138,9 @@ def comparison_report(
     page: Path,
     variants: tuple[str | None, str | None] = (None, None),
 ) -> tuple[str, list[str]]:
-    """The report of two suites over the same runs, and what is wrong with pictures.
+    """Render the report that compares two suites run by run; also messages on damaged pictures.
 
-    Of each suite one of the ``variants`` is compared, or all by name. Links to pictures are
+    ``variants`` selects one variant of each suite; None: all, paired by name. Links to pictures are
     relative to ``page``, the folder that the file will be in.
 
     Raises:
