@@ -1,7 +1,7 @@
 """Conformance tests for user behaviours and composites: ``check_behavior(MyBehavior)``.
 
 Run as a module, it prints the answers of plugins: in another process, with another hash seed, sets
-have another order, and objects other addresses.
+are ordered differently, and objects have other addresses.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ from navfw.testing.behavior_scenes import SCENES, contexts_of
 
 PluginT = TypeVar("PluginT", bound=Plugin)
 Digests: TypeAlias = dict[str, str]
-"""A digest of each part of the answers in one scene."""
+"""A digest of each part of a plugin's answers in one scene."""
 Answers: TypeAlias = Mapping[str, Digests]
-"""The digests by scene."""
+"""The digests by name of the scene."""
 Answered: TypeAlias = tuple[list[str], Digests]
-"""What is wrong in a scene, and the digests."""
+"""The problems found in a scene, and the digests."""
 
 _BUDGET = 0.05
 """Largest median computing time [s] of a proposal: half of a camera period."""
@@ -58,12 +58,12 @@ _CHANCE = {
     "after reset()": "clear all state in reset(), use no random numbers or clock",
     "in another process": "let nothing depend on the order of a set, hash(), id, clock or threads",
 }
-"""What to do where answers to the same contexts differ."""
+"""The remedy, by where answers to the same contexts differed."""
 _TO_TURN = ("no waypoint", "goal on the left", "goal behind")
-"""Scenes in which left and right are not alike."""
+"""Scenes in which left and right differ."""
 
 _SAME = 0.01
-"""Largest difference of degrees that counts as none."""
+"""Largest difference of degrees that counts as equal."""
 
 _FRAMES = (
     "its proposals change when robot and waypoint are moved and turned together: waypoint.x and"
@@ -76,15 +76,15 @@ _LIMIT = 12
 def check_behavior(
     cls: type[Behavior], *, budget: float = _BUDGET, elsewhere: Answers | None = None
 ) -> None:
-    """Run a behaviour in many scenes; return if it keeps the contract of behaviours.
+    """Run a behaviour in many scenes, and raise if it breaks the contract of behaviours.
 
-    Checked besides the verification at registration: every parameter has a description; the
-    behaviour can be built with its defaults; in each scene of
-    ``navfw.testing.behavior_scenes`` it returns a valid proposal, gives a reason of one line and an
-    explanation in plain data; its proposals are the same in a new instance and after ``reset()``,
-    and wherever robot and waypoint stand in the map, if they do not depend on the place; and its
-    median computing time is at most ``budget`` [s]. ``elsewhere`` are its ``scene_answers`` in
-    another process, which must be the same as well.
+    Besides what registration verifies: every parameter has a description; the behaviour can be
+    built with its defaults; in each scene of ``navfw.testing.behavior_scenes`` it returns a valid
+    proposal, with a reason of one line and an explanation in plain data; its proposals are the same
+    in a new instance and after ``reset()``, and do not change when robot and waypoint are moved
+    together in the map (unless the behaviour depends on the place); and its median computing time
+    is at most ``budget`` [s]. ``elsewhere`` are its ``scene_answers`` in another process, which
+    must be the same as well.
 
     >>> def test_my_behavior():
     ...     check_behavior(MyBehavior)
@@ -107,11 +107,11 @@ def check_behavior(
 
 
 def check_composite(cls: type[Composite], *, elsewhere: Answers | None = None) -> None:
-    """Run a composite in many scenes; return if it keeps the contract of composites.
+    """Run a composite in many scenes, and raise if it breaks the contract of composites.
 
-    As in ``check_behavior``: in each scene its weights are numbers in [0, 1] by the names of
-    behaviours that exist, the same in a new instance and after ``reset()``, and ``explain()`` gives
-    plain data.
+    As in ``check_behavior``: in each scene its weights are numbers in [0, 1] by names of behaviours
+    that exist, the same in a new instance and after ``reset()``, and ``explain()`` returns plain
+    data.
 
     Raises:
         PluginError: it breaks the contract; the message lists everything that was found.
@@ -121,7 +121,7 @@ def check_composite(cls: type[Composite], *, elsewhere: Answers | None = None) -
 
 
 def scene_answers(cls: type[Plugin]) -> Answers:
-    """What a behaviour or composite answers in each scene: a digest of each part."""
+    """Digests of the answers of a behaviour or composite in each scene, to compare processes."""
     plugin: Any = cls(_ROBOT)
     run: Any = _weighing() if issubclass(cls, Composite) else partial(_propose, durations=[])
     return {scene.name: run(plugin, contexts_of(scene))[1] for scene in SCENES}
@@ -277,14 +277,14 @@ def _faults(proposal: object, context: Context) -> Iterator[str]:
 # --- in another process ---------------------------------------------------------------------------
 
 _SECONDS = 300.0
-"""Longest time of all answers [s]."""
+"""Longest wall time of all answers in the other process [s]."""
 
 Names = Sequence[tuple[str, str]]
-"""Kind and name of plugins."""
+"""Kind and name of each plugin."""
 
 
 def answers_elsewhere(folders: Sequence[Path], plugins: Names) -> list[Answers]:
-    """The ``scene_answers`` of each of ``plugins``, some of them in ``folders``.
+    """Compute in another process the ``scene_answers`` of ``plugins``, some in ``folders``.
 
     Raises:
         OSError: the process cannot be started, takes too long, or dies; the message says why.

@@ -1,7 +1,7 @@
 """Scenes for tests of behaviours: contexts of short drives, without a simulator.
 
-The flow of a robot between walls is computed from geometry alone; OFFIS and the local map process
-it as they process measured flow.
+The flow of a robot between walls is computed from geometry only; OFFIS and the local map process it
+like measured flow.
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ class BehaviorScene:
     """A drive of ``ticks`` frames at constant ``twist``, from the origin along x.
 
     ``ahead``, ``left``, ``right`` are distances [m] of walls from the start, ``waypoint`` is a
-    position (x, y) [m], or None. ``moves`` is false for a robot with blocked wheels: it commands
-    the twist and does not move. ``perceives`` is false before the first percept.
+    position (x, y) [m] relative to the start, or None. ``moves`` is False for a robot with blocked
+    wheels: it commands the twist and does not move. If ``perceives`` is False, there is no percept.
     """
 
     name: str
@@ -88,9 +88,9 @@ SCENES: tuple[BehaviorScene, ...] = (
 def contexts_of(
     scene: BehaviorScene, robot: RobotModel | None = None, start: Pose = _ORIGIN
 ) -> list[Context]:
-    """The context of every frame of ``scene``, as MOFIS passes it to its behaviours.
+    """Compute the context of every frame of ``scene``, as MOFIS passes it to its behaviours.
 
-    The robot begins at ``start`` in the map; where that is, changes nothing for the robot.
+    The robot begins at the pose ``start`` in ``map``; the walls are placed relative to it.
     """
     robot = robot or RobotModel()
     local_map = LocalMap(robot)
@@ -125,7 +125,7 @@ def contexts_of(
 
 
 def wall_flow(robot: RobotModel, time: float, ahead: float, left: float, right: float) -> FlowField:
-    """The exact derotated flow of a robot driving straight on a floor between walls.
+    """Compute the exact derotated flow of a robot driving straight on a floor between walls.
 
     ``ahead``, ``left`` and ``right`` [m] are distances of infinite walls from the robot's centre.
     """
@@ -156,5 +156,5 @@ class _Scripted(Fusion):
         self._twist = twist
 
     def fuse(self, context: Context, proposals: Mapping[str, Proposal]) -> Command:
-        """The scene's command."""
+        """Return the scene's command."""
         return Command(context.time, self._twist, "script", "the scene's twist")

@@ -1,9 +1,9 @@
-"""Runs of missions in pytest's cache.
+"""Keeps runs of missions in pytest's cache.
 
-An entry of the cache belongs to the code of navfw, the versions of all installed packages, the kind
+The key of an entry is a hash of the code of navfw, the versions of all installed packages, the kind
 of machine, the files of the project that a run may read (its world, this mission, all maps, stacks,
 robots, behaviours and plugins), and the case with its seed. A run that read any other file is not
-stored. An entry is a file of JSON; one that cannot be read counts as absent.
+stored. An entry is a JSON file; if it cannot be read, it counts as absent.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from navfw.testing.mission_run import MissionRun, drive
 _EMPTY = RunLogger().log()
 _COLUMNS = {f.name: getattr(_EMPTY, f.name) for f in fields(_EMPTY)}
 _COLUMNS = {name: empty for name, empty in _COLUMNS.items() if isinstance(empty, np.ndarray)}
-"""What of a log is an array with a row per tick: of the log of a run without ticks."""
+"""The fields of a log that are arrays with a row per tick, each without rows."""
 _OF_LOG: dict[str, Any] = get_type_hints(RunLog) | dict.fromkeys(_COLUMNS, list)
 _OF_RUN: dict[str, Any] = {
     name: hint
@@ -50,14 +50,14 @@ _OF_RUN: dict[str, Any] = {
     if name not in {"case", "folder", "cached", "driven"}
 }
 _STORED: Any = create_model("Run", **_OF_RUN | {"log": create_model("Log", **_OF_LOG)})
-"""What of a run is stored."""
+"""The schema of a stored run."""
 
 
 def store_run(run: MissionRun, file: Path) -> None:
-    """Write a run to ``file``, all numbers with all digits.
+    """Write a run to ``file`` as JSON, all numbers with all digits.
 
     Raises:
-        OSError: the disk.
+        OSError: the file cannot be written.
 
     """
     plain = {name: getattr(run, name) for name in _STORED.model_fields}
@@ -65,7 +65,7 @@ def store_run(run: MissionRun, file: Path) -> None:
 
 
 def read_run(file: Path, case: MissionCase, folder: Path) -> MissionRun | None:
-    """The run of ``case`` stored in ``file``; None if there is none, or it is damaged."""
+    """Read the run of ``case`` from ``file``; None if there is none, or it is damaged."""
     try:
         values = vars(_STORED.model_validate_json(read_input_text(file)))
         log = vars(values.pop("log"))
@@ -114,10 +114,10 @@ def _installed() -> str:
 
 
 class MissionCache:
-    """The runs of this session, and those in ``folder``, if there is one.
+    """The runs driven in this pytest session, and those stored in ``folder`` (None: no cache).
 
-    ``fresh`` drives all missions, whether they are in the folder or not. Of the folder's runs the
-    oldest beyond MAX_ENTRIES are removed first.
+    With ``fresh``, all missions are driven, even if the folder has them. When it is made, it
+    removes the oldest files in the folder beyond MAX_ENTRIES.
     """
 
     def __init__(self, folder: Path | None, fresh: bool = False) -> None:
@@ -131,10 +131,10 @@ class MissionCache:
                 entry.unlink()
 
     def run(self, case: MissionCase, folder: Path) -> MissionRun:
-        """The run of ``case``: of this session, of the folder, or driven and stored.
+        """Return the run of ``case``: from this session, from the folder, or driven and stored.
 
-        Of several processes that need the same run, one drives it, and the others wait for it.
-        ``folder`` is that of the test.
+        If several processes need the same run, one drives it, and the others wait for it.
+        ``folder`` is where the test may save the run folder.
 
         Raises:
             InputError: the mission cannot be driven.

@@ -1,7 +1,7 @@
 """One mission with one seed to drive in a test, from a ``mission`` marker or a mission file.
 
-Pytest loads this module in every session where navfw is installed: what is heavy is imported where
-it is used.
+Pytest loads this module in every session where navfw is installed, so large modules are imported
+only where they are used.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from navfw.missions.session import Session
 
 KEYS = ("world", "mission", "seeds", "stack", "set", "allow_faults")
-"""Arguments of the marker, in the order in which they may be given without names."""
+"""Arguments of the marker, in the order in which they may be given by position."""
 
 MARKER = (
     "mission(world, mission, seeds=(0,), stack=None, set=(), allow_faults=False): drive a mission"
@@ -32,7 +32,7 @@ MARKER = (
 
 @dataclass(frozen=True)
 class MissionCase:
-    """World, mission, seed, stack (None: the mission's) and overrides."""
+    """A mission to drive in a test; ``stack`` None: the mission's. Overrides as for ``--set``."""
 
     world: str
     mission: str
@@ -43,12 +43,12 @@ class MissionCase:
 
     @property
     def label(self) -> str:
-        """The name of the case in the name of its test."""
+        """The part of the test's name that identifies the case."""
         return f"{Path(self.mission).stem}-seed{self.seed}"
 
     @property
     def folder_name(self) -> str:
-        """The name of its run folder."""
+        """The name of the case's run folder."""
         name = f"{Path(self.world).stem}-{Path(self.mission).stem}-{self.seed}"
         variant = (self.stack, self.overrides)
         if variant == (None, ()):
@@ -61,7 +61,7 @@ class MissionCase:
         return self.world, self.mission, self.seed, self.stack, self.overrides
 
     def prepare(self) -> Session:
-        """World, mission and stack, loaded and checked.
+        """Load and check world, mission and stack.
 
         Raises:
             InputError: one of them is wrong.
@@ -75,7 +75,7 @@ class MissionCase:
 
 
 def cases_of(marker: pytest.Mark, seeds: Iterable[int]) -> Iterator[Any]:
-    """A ``pytest.param`` with the ``MissionCase`` of each run of the marker, and of more ``seeds``.
+    """Yield a ``pytest.param`` with the ``MissionCase`` of each run of the marker and of ``seeds``.
 
     Raises:
         InputError: an argument is unknown, missing or of the wrong type.
@@ -106,7 +106,7 @@ def cases_of(marker: pytest.Mark, seeds: Iterable[int]) -> Iterator[Any]:
 
 
 def widened(own: Iterable[Any], seeds: Iterable[int]) -> list[Any]:
-    """The seeds of a test and those of ``--mission-seeds``, each once; marks of its own stay."""
+    """A test's ``own`` seeds (with their marks) and those of ``--mission-seeds``, each once."""
     entries = list(own)
     own_seeds = {entry.values[0] if hasattr(entry, "marks") else entry for entry in entries}
     return [*entries, *(seed for seed in seeds if seed not in own_seeds)]

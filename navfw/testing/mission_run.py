@@ -1,4 +1,4 @@
-"""The run of a mission in a test: assertions, and what the report of a failed test shows of it.
+"""The run of a mission in a test, assertions on it, and the report on it if a test fails.
 
 ::
 
@@ -33,20 +33,20 @@ from navfw.recording.run_observers import RunLog
 from navfw.testing.mission_case import MissionCase
 
 DECISIONS = 6
-"""Number of last changes of the leading behaviour that a report shows."""
+"""Number of the last changes of the leading behaviour that a report shows."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MissionRun(RunResult):
-    """The value of the ``mission`` fixture: what a test may ask of the run of one mission.
+    """The value of the ``mission`` fixture: the result of one run, to make assertions on.
 
-    ``stack`` is the name of the stack that drove; ``stack_named`` tells whether the mission names
+    ``stack`` is the name of the stack that drove; ``stack_named`` says whether the mission names
     one. ``faults`` are those of plugins, each with file and line, that the mission's events did not
-    inject; a test fails of ``objections`` unless its marker says ``allow_faults=True``.
+    inject; a test fails if there are ``objections``, unless its marker says ``allow_faults=True``.
     ``behaviors`` are the names of all behaviours of the stack, ``places`` x, y [m] of the map's
     places by name. ``explanation`` is that of the last command (``Stack.explain``). ``log`` has one
-    row per control tick. ``folder`` is where ``save`` writes its run folder. ``cached`` tells that
-    this run was driven earlier, and is taken from pytest's cache.
+    row per control tick. ``folder`` is where ``save`` writes the run folder. ``cached`` says that
+    the run was taken from pytest's cache.
     """
 
     stack: str
@@ -63,7 +63,7 @@ class MissionRun(RunResult):
 
     @classmethod
     def of(cls, result: MissionResult, case: MissionCase, folder: Path) -> MissionRun:
-        """The run of ``case`` with a ``result``, right after it."""
+        """Make the run of ``case`` from its ``result``, before the stack drives again."""
         session = result.session
         plain = {one.name: getattr(result, one.name) for one in fields(RunResult)}
         places = session.mission.topo_map.places.values()
@@ -96,18 +96,18 @@ class MissionRun(RunResult):
 
     @property
     def title(self) -> str:
-        """World, mission and seed."""
+        """World, mission and seed as text."""
         return f"{self.world}/{self.mission}, seed {self.seed}"
 
     @property
     def result(self) -> MissionResult:
-        """All of the result. A run of the cache is driven again for it, command by command."""
+        """The complete result; a run from the cache is driven again for it, with equal commands."""
         if not self.driven:
             self.driven.append(drive(self.case))
         return self.driven[0]
 
     def save(self) -> Path:
-        """Write the run folder, with the recording, unless it exists; returns its path."""
+        """Write the run folder, with the recording, unless it exists; return its path."""
         from navfw.missions.run_report import write_run
 
         if not self.folder.exists():
@@ -117,7 +117,7 @@ class MissionRun(RunResult):
 
 
 def drive(case: MissionCase) -> MissionResult:
-    """Drive the mission of ``case``; it is recorded where the extra record is installed.
+    """Drive the mission of ``case``; it is recorded if the extra ``record`` is installed.
 
     Raises:
         InputError: the mission cannot be driven.
@@ -135,7 +135,7 @@ def drive(case: MissionCase) -> MissionResult:
 
 
 def properties(run: MissionRun) -> list[tuple[str, str]]:
-    """Names and values for JUnit XML and other reports."""
+    """Names and values of the run for JUnit XML and other reports."""
     return [
         ("world", run.world),
         ("mission", run.mission),
@@ -149,7 +149,7 @@ def properties(run: MissionRun) -> list[tuple[str, str]]:
 
 
 def saved_properties(run: MissionRun) -> list[tuple[str, str]]:
-    """Save the run folder; the paths in it for reports, or why there is none."""
+    """Save the run folder; return its picture and recording as report properties, or "none"."""
     try:
         folder = run.save()
     except Exception as error:  # a missing picture must not hide the test's failure
@@ -159,7 +159,7 @@ def saved_properties(run: MissionRun) -> list[tuple[str, str]]:
 
 
 def describe(run: MissionRun, saved: list[tuple[str, str]]) -> Iterator[str]:
-    """The lines of the report on a failed test."""
+    """Yield the lines of the report on a failed test."""
     verdict = run.verdict
     yield run.title
     named = "named by the mission" if run.stack_named else "neither test nor mission names one"
@@ -193,14 +193,14 @@ def _decisions(log: RunLog) -> Iterator[str]:
 
 
 def assert_reached(mission: MissionRun) -> None:
-    """The robot truly reached all goals."""
+    """Raise AssertionError unless the robot truly reached all goals."""
     __tracebackhide__ = True
     if not mission.outcome.succeeded:
         raise AssertionError(f"expected the goal to be reached; {mission.verdict}")
 
 
 def assert_no_collision(mission: MissionRun) -> None:
-    """The robot touched nothing but the floor, and fell into no drop."""
+    """Raise AssertionError if the robot touched anything but the floor, or fell into a drop."""
     __tracebackhide__ = True
     contacts = mission.log.contacts
     if contacts:
@@ -210,7 +210,7 @@ def assert_no_collision(mission: MissionRun) -> None:
 
 
 def assert_clearance(mission: MissionRun, at_least: float) -> None:
-    """The robot's body stayed ``at_least`` [m] away from everything."""
+    """Raise AssertionError unless the body stayed ``at_least`` [m] away from everything."""
     __tracebackhide__ = True
     smallest = mission.min_clearance_m
     if not smallest >= at_least:
@@ -221,9 +221,9 @@ def assert_clearance(mission: MissionRun, at_least: float) -> None:
 def assert_visited(
     mission: MissionRun, *places: str | tuple[float, float], within: float = 0.5
 ) -> None:
-    """The robot truly passed within ``within`` [m] of each of ``places``, in this order.
+    """Raise AssertionError unless the robot truly passed all ``places``, in this order.
 
-    A place is one of the map by name, or a point x, y [m].
+    It passed one within ``within`` [m]. A place is a name on the map, or a point x, y [m].
 
     Raises:
         UnknownNameError: the mission's map has no such place.
@@ -248,7 +248,7 @@ def assert_visited(
 
 
 def assert_behavior_led(mission: MissionRun, behavior: str, at_least: float = 0.1) -> None:
-    """The behaviour led for ``at_least`` [s] of simulated time in all.
+    """Raise AssertionError unless the behaviour led for ``at_least`` [s] in total (simulated).
 
     Raises:
         UnknownNameError: the stack has no such behaviour.

@@ -10,7 +10,7 @@
         assert mission.min_clearance_m > 0.05
 
 The marked test runs once for each seed. Errors in world, mission, stack or overrides are reported
-when tests are collected. A test fails when a plugin faulted, unless its marker allows it. A failing
+when tests are collected. A test fails when a plugin failed, unless its marker allows it. A failing
 test shows the outcome, the reason, the last decisions, and the paths of picture and recording.
 Unchanged missions are not driven again: their runs are in pytest's cache.
 
@@ -45,10 +45,10 @@ if TYPE_CHECKING:
 
 
 _RUN: pytest.StashKey[MissionRun] = pytest.StashKey()
-"""The run of a test, in the stash of its item."""
+"""Key of the run of a test in the stash of its item."""
 
 CACHE: pytest.StashKey[MissionCache] = pytest.StashKey()
-"""The runs of the session, in the stash of its configuration."""
+"""Key of the session's runs in the stash of its configuration."""
 
 
 _MISSION = "mission"
@@ -59,10 +59,10 @@ _CHECKED = pytest.StashKey[set[tuple[object, ...]]]()
 
 
 class MissionYaml(pytest.File):
-    """A mission file; its items are seeds. It passes if the robot reaches its goals."""
+    """A mission file; its items are one per seed. An item passes if the robot reaches its goals."""
 
     def collect(self) -> Iterator[MissionItem]:
-        """One item for each seed.
+        """Yield one item for each seed.
 
         Raises:
             CollectError: the mission, its world or its stack is wrong.
@@ -80,7 +80,7 @@ class MissionYaml(pytest.File):
 
 
 class MissionItem(pytest.Item):
-    """One drive of a mission file."""
+    """A test that drives a mission file with one seed."""
 
     def __init__(self, *, case: MissionCase, **options: Any) -> None:
         super().__init__(**options)
@@ -93,12 +93,12 @@ class MissionItem(pytest.Item):
             pytest.fail(f"expected the goal to be reached; {run.verdict}", pytrace=False)
 
     def reportinfo(self) -> tuple[Path, None, str]:
-        """The file and the name of the test."""
+        """Return the file and the name of the test."""
         return self.path, None, f"{self.path.stem}, {self.name}"
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add the options, and the ini option ``navfw_missions``."""
+    """Add the command-line options, and the ini option ``navfw_missions``."""
     group = parser.getgroup("navfw")
     group.addoption(
         "--mission-runs",
@@ -128,7 +128,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Register the marker; trust the project whose tests are run, as they are its code, too."""
+    """Register the marker, and trust the project whose tests run: they are its code as well."""
     config.addinivalue_line("markers", MARKER)
     config.stash[_SEEDS] = _more_seeds(config)
     config.stash[_CHECKED] = set()
@@ -158,7 +158,7 @@ def _more_seeds(config: pytest.Config) -> tuple[int, ...]:
 
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> MissionYaml | None:
-    """A mission file that ``navfw_missions`` names."""
+    """Collect a mission file that matches a pattern of ``navfw_missions``."""
     if file_path.suffix not in {".yaml", ".yml"}:
         return None
     config = parent.config
@@ -170,7 +170,7 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> MissionYam
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Make one test for each mission and seed of the marker; tell what is wrong with them, once."""
+    """Make one test for each mission and seed of the marker; errors in them fail the collection."""
     if _MISSION not in metafunc.fixturenames:
         return
     marker = metafunc.definition.get_closest_marker(_MISSION)
@@ -191,7 +191,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
-    """Compile, before the first test that calls them, the kernels of what is loaded by now."""
+    """Compile the missing kernels of imported modules before the first test that uses them."""
     config, scenes = session.config, "navfw.testing.behavior_check" in sys.modules
     drives = any(_MISSION in getattr(item, "fixturenames", (_MISSION,)) for item in session.items)
     if not (drives or scenes) or config.option.collectonly:
@@ -211,7 +211,7 @@ def pytest_collection_finish(session: pytest.Session) -> None:
 
 
 def run_for(item: pytest.Item, case: MissionCase) -> MissionRun:
-    """The run of ``case`` for a test: driven before in this session, cached, or driven now."""
+    """Return the run of ``case`` for a test: from this session, from the cache, or driven now."""
     from navfw.testing.mission_run import properties
 
     config = item.config
@@ -247,7 +247,7 @@ def _cache_of(config: pytest.Config) -> MissionCache:
 def mission(request: pytest.FixtureRequest) -> MissionRun:
     """The run of the mission in the test's ``mission`` marker; see ``MissionRun``.
 
-    Equal missions are driven once: the same seed gives the same commands.
+    Tests with equal missions and seeds share one run, as it gives the same commands.
     """
     case = getattr(request, "param", None)
     if case is None:
@@ -257,7 +257,7 @@ def mission(request: pytest.FixtureRequest) -> MissionRun:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, None, None]:
-    """Fail a test in whose mission a plugin faulted, unless its marker allows it."""
+    """Fail a test in whose mission a plugin failed too often, unless its marker allows it."""
     yield
     run = item.stash.get(_RUN, None)
     if run is not None and run.objections and not run.case.allow_faults:
