@@ -1,4 +1,4 @@
-"""Compiled checks of arrays in answers: some 1 us each, where numpy takes several."""
+"""Compiled checks of arrays in answers: each takes about 1 us, where numpy takes several."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numba
 from navfw.numerics import Array
 
 _ROUNDING = 1e-9  # chosen
-"""By how much a degree may exceed 1: sums and products of degrees round."""
+"""Tolerance by which a degree may exceed 1, as sums and products of degrees round."""
 
 _ASYMMETRY = 1e-6  # chosen
 """Largest asymmetry of a covariance, relative to its largest entry or to 1."""
@@ -35,7 +35,7 @@ def are_degrees(values: Array) -> bool:  # pragma: no cover - compiled
 
 @numba.njit(cache=True)
 def are_finite_where(values: Array, confidence: Array, low: float) -> bool:  # pragma: no cover
-    """Whether ``values`` (rows, cols) are never below ``low``, and finite where confidence > 0."""
+    """Whether ``values`` (rows, cols) are all >= ``low``, and finite where confidence > 0."""
     for i in range(values.shape[0]):
         for j in range(values.shape[1]):
             if values[i, j] < low or (confidence[i, j] > 0.0 and not math.isfinite(values[i, j])):

@@ -1,8 +1,8 @@
-"""Checks of what plugins answer: type, shape, finiteness, range.
+"""Checks of what plugins return: type, shape, finiteness, range.
 
-Each check returns the answer with immutable float64 arrays, immutable mappings and Python numbers:
-nothing behind it depends on what the plugin keeps or changes later. A value that is like that
-already is returned as it is, any other is made anew. ``AnswerError`` says what is wrong.
+Each check returns the answer with immutable float64 arrays, immutable mappings and Python numbers,
+independent of what the plugin changes later; it is copied only where it has not this form yet.
+Checks raise ``AnswerError``; ``what`` is the name of the value in its message.
 """
 
 from __future__ import annotations
@@ -27,23 +27,23 @@ T = TypeVar("T")
 
 
 class AnswerError(ValueError):
-    """An answer of a plugin that cannot be used."""
+    """An answer of a plugin is invalid."""
 
 
 def nothing(answer: object) -> None:
-    """Accept any answer of a call that gives none."""
+    """Accept any answer; the check of a call whose answer is not used."""
     del answer
 
 
 def instance(answer: object, cls: type[T], call: str) -> T:
-    """``answer``, which must be a ``cls``; ``call`` is the method that gave it."""
+    """Return ``answer`` if it is a ``cls``, else raise; ``call`` is the method that returned it."""
     if not isinstance(answer, cls):
         raise AnswerError(f"{call} returned {type(answer).__name__}, not a {cls.__name__}")
     return answer
 
 
 def rebuilt(answer: object, cls: type[T], **fields: Any) -> T:
-    """A ``cls`` with the checked ``fields``: ``answer`` itself if it has just these."""
+    """Make a ``cls`` of the checked ``fields``; return ``answer`` itself if it has the same."""
     if type(answer) is not cls:
         return cls(**fields)
     for name, value in fields.items():
@@ -53,7 +53,7 @@ def rebuilt(answer: object, cls: type[T], **fields: Any) -> T:
 
 
 def number(value: Any, what: str, low: float = -math.inf, high: float = math.inf) -> float:
-    """``value`` as a finite float in [low, high]."""
+    """Return ``value`` as a finite float in [low, high]."""
     if type(value) is float and low <= value <= high and abs(value) != math.inf:
         return value  # the usual case, recognised quickly
     if isinstance(value, bool | np.bool_) or not isinstance(
@@ -69,19 +69,19 @@ def number(value: Any, what: str, low: float = -math.inf, high: float = math.inf
 
 
 def degree(value: Any, what: str) -> float:
-    """``value`` as a degree in [0, 1]."""
+    """Return ``value`` as a degree in [0, 1]."""
     return number(value, what, 0.0, 1.0)
 
 
 def text(value: Any, what: str) -> str:
-    """``value`` as a text."""
+    """Return ``value`` as a text."""
     if not isinstance(value, str):
         raise AnswerError(f"{what} is {_named(value)}, expected a text")
     return str(value)
 
 
 def real(value: Any, what: str, shape: tuple[int, ...]) -> Array:
-    """``value`` as an immutable, C-contiguous float64 array of that shape."""
+    """Return ``value`` as an immutable, C-contiguous float64 array of ``shape``; NaN is allowed."""
     result: Array
     if (
         type(value) is _ARRAY
@@ -105,14 +105,14 @@ def real(value: Any, what: str, shape: tuple[int, ...]) -> Array:
 
 
 def contiguous(array: Any, dtype: np.dtype[Any]) -> Any:
-    """An immutable, C-contiguous array of that type: ``array`` itself if it is one already."""
+    """Return ``array`` as an immutable, C-contiguous array of ``dtype``; a copy only if needed."""
     if array.dtype != dtype or not array.flags.c_contiguous:
         array = np.ascontiguousarray(array, dtype=dtype)
     return read_only(array)
 
 
 def array(value: Any, what: str, shape: tuple[int, ...]) -> Array:
-    """``value`` as an immutable float64 array of that shape, all finite."""
+    """Return ``value`` as an immutable float64 array of ``shape``, all values finite."""
     result = real(value, what, shape)
     if not are_finite(result):
         raise AnswerError(f"{what} has values that are not finite")
@@ -120,7 +120,7 @@ def array(value: Any, what: str, shape: tuple[int, ...]) -> Array:
 
 
 def degrees(value: Any, what: str, shape: tuple[int, ...]) -> Array:
-    """``value`` as an immutable float64 array of that shape, all in [0, 1] up to rounding."""
+    """Return ``value`` as an immutable float64 array of ``shape``, all in [0, 1] up to rounding."""
     result = real(value, what, shape)
     if not are_degrees(result):
         array(result, what, shape)  # raises where values are not finite
@@ -130,35 +130,35 @@ def degrees(value: Any, what: str, shape: tuple[int, ...]) -> Array:
 
 
 def items(value: Any, what: str) -> Sequence[Any]:
-    """``value`` as a tuple."""
+    """Return ``value``, a sequence but no text, as a tuple."""
     if isinstance(value, str | bytes) or not isinstance(value, Sequence):
         raise AnswerError(f"{what} is {_named(value)}, expected a sequence")
     return tuple(value)
 
 
 def mapping(value: Any, what: str) -> dict[str, Any]:
-    """``value`` as a new dictionary with texts as keys."""
+    """Return ``value`` as a new dictionary with texts as keys."""
     if type(value) is not MappingProxyType and not isinstance(value, Mapping):
         raise AnswerError(f"{what} is {_named(value)}, expected a mapping")
     return {text(key, f"a key of {what}"): item for key, item in value.items()}
 
 
 def mapping_of(value: Any, what: str, check: Callable[[Any, str], T]) -> Mapping[str, T]:
-    """``value`` as a mapping of texts to checked items; itself if it is immutable and has these."""
+    """Return ``value`` as a mapping of texts to checked items; itself if that changes nothing."""
     result = {name: check(item, f"{what}.{name}") for name, item in mapping(value, what).items()}
     same = type(value) is MappingProxyType and all(map(is_, result.values(), value.values()))
     return value if same else result
 
 
 def pose(value: Any, what: str) -> Pose:
-    """``value`` as a pose of finite numbers."""
+    """Return ``value`` as a pose of finite numbers."""
     instance(value, Pose, what)
     x, y, yaw = number(value.x, "x"), number(value.y, "y"), number(value.yaw, "yaw")
     return rebuilt(value, Pose, x=x, y=y, yaw=yaw)
 
 
 def twist(value: Any, what: str) -> Twist:
-    """``value`` as a twist of finite numbers."""
+    """Return ``value`` as a twist of finite numbers."""
     instance(value, Twist, what)
     v, w = value.v, value.w
     if type(value) is Twist and type(v) is type(w) is float and math.isfinite(v + w):

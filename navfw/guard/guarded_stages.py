@@ -1,8 +1,8 @@
-"""The stages of the stack behind the guard: the same calls, with a fallback for each failure.
+"""The stages of the stack, called through the guard, with a fallback for each failure.
 
-A stage that fails costs what it would have said: the frame shows nothing, the belief moves with the
-odometry, the last waypoint stays. The safety monitor slows the robot, then stops it, while a vital
-stage fails (``PluginGuard.failing``). ``plugin`` is the stage itself.
+If a stage fails, its answer is replaced: the frame shows nothing, the belief moves with the
+odometry, the last waypoint is kept. While a vital stage fails (``PluginGuard.failing``), the safety
+monitor slows the robot, then stops it. ``plugin`` is the stage itself.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ from navfw.topomap import TopoMap
 PluginT = TypeVar("PluginT", bound=interfaces.Plugin)
 
 _UNKNOWN_POSITION = 1e3  # chosen
-"""Standard deviation [m, rad] of a belief without any answer of the localizer."""
+"""Standard deviation [m, rad] of the belief if the localizer has never answered."""
 
 
 class GuardedStage(Generic[PluginT]):
-    """A stage's plugin, called by a guard under the name ``KIND NAME``."""
+    """Calls a stage's plugin through a guard under the label ``KIND NAME``."""
 
     def __init__(self, guard: PluginGuard, plugin: PluginT) -> None:
         self.guard = guard
@@ -54,7 +54,7 @@ class GuardedStage(Generic[PluginT]):
         self._attempt = partial(guard.attempt, self.label)
 
     def reset(self) -> None:
-        """Back to the start of a run.
+        """Reset the plugin to the start of a run.
 
         Raises:
             PluginCallError: the plugin fails, so the run cannot begin.
@@ -64,52 +64,52 @@ class GuardedStage(Generic[PluginT]):
 
 
 class GuardedFlow(GuardedStage[interfaces.FlowProcessor]):
-    """A flow processor; None for a pair of frames at which it fails."""
+    """Calls a flow processor; returns None for a pair of frames at which it fails."""
 
     def compute(self, pair: FramePair) -> FlowField | None:
-        """The flow of ``pair``."""
+        """Compute the flow of ``pair``."""
         check = partial(answers.check_flow, pair=pair)
         return self._attempt(self.plugin.compute, pair, check=check, vital=True)
 
 
 class GuardedPerception(GuardedStage[interfaces.Perception]):
-    """OFFIS; None for a flow field at which it fails."""
+    """Calls OFFIS; returns None for a flow field at which it fails."""
 
     def perceive(self, flow: FlowField, twist: Twist) -> Percept | None:
-        """The percept of ``flow``."""
+        """Compute the percept of ``flow``."""
         check = partial(answers.check_percept, flow=flow)
         return self._attempt(self.plugin.perceive, flow, twist, check=check, vital=True)
 
 
 class GuardedFeatures(GuardedStage[interfaces.FeatureRecognizer]):
-    """A landmark recogniser; no detections in a frame at which it fails."""
+    """Calls a landmark recogniser; there are no detections in a frame at which it fails."""
 
     def set_map(self, topo_map: TopoMap) -> None:
-        """Set the map. Raises PluginCallError if the plugin fails."""
+        """Give the plugin the map. Raises PluginCallError if the plugin fails."""
         self._prepare(self.plugin.set_map, topo_map)
 
     def recognize(self, frame: Frame) -> tuple[LandmarkDetection, ...]:
-        """The landmarks detected in ``frame``."""
+        """Detect the landmarks in ``frame``."""
         return self._attempt(self.plugin.recognize, frame, check=answers.check_detections) or ()
 
 
 class GuardedLocalizer(GuardedStage[interfaces.Localizer]):
-    """A localiser; while it fails, the last belief moves with the odometry.
+    """Calls a localiser; while it fails, the last belief moves with the odometry.
 
-    Without any belief so far the robot is lost.
+    If it has never answered, the belief is lost.
     """
 
     _last: tuple[Belief, Odometry] | None = None
 
     def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
-        """Start at ``pose``. Raises PluginCallError if the plugin fails."""
+        """Start at ``pose`` in ``map``. Raises PluginCallError if the plugin fails."""
         self._last = None
         self._prepare(self.plugin.start, topo_map, pose, odometry)
 
     def update(
         self, odometry: Odometry, percept: Percept | None, detections: Sequence[LandmarkDetection]
     ) -> Belief:
-        """The belief now."""
+        """Return the belief at the time of ``odometry``."""
         inputs, check = (odometry, percept, detections), answers.check_belief
         belief = self._attempt(self.plugin.update, *inputs, check=check, vital=True)
         if belief is not None:
@@ -124,20 +124,20 @@ class GuardedLocalizer(GuardedStage[interfaces.Localizer]):
 
 
 class GuardedPlanner(GuardedStage[interfaces.Planner]):
-    """A planner; while it fails, the last waypoint stays.
+    """Calls a planner; while it fails, its last waypoint (at first the first goal) is kept.
 
-    Without any waypoint so far there is a failure instead: no waypoint would mean the end.
+    No waypoint would mean that the mission has ended.
     """
 
     _last: Waypoint | None = None
 
     def start(self, topo_map: TopoMap, goals: Sequence[Waypoint]) -> None:
-        """Start a mission. Raises PluginCallError if the plugin fails."""
+        """Start a mission on ``topo_map``. Raises PluginCallError if the plugin fails."""
         self._prepare(self.plugin.start, topo_map, goals)
         self._last = goals[0] if goals else None
 
     def update(self, belief: Belief) -> Waypoint | None:
-        """The waypoint to drive to, None at the end."""
+        """Return the waypoint to drive to; None when the mission has ended."""
         check = answers.check_waypoint
         with suppress(PluginCallError):
             self._last = self.guard.call(
@@ -146,41 +146,41 @@ class GuardedPlanner(GuardedStage[interfaces.Planner]):
         return self._last
 
     def observe(self, report: PassageReport) -> None:
-        """Hand over the status of passages."""
+        """Give the planner the status of passages."""
         self._attempt(self.plugin.observe, report, check=nothing)
 
     @property
     def wants_grid(self) -> bool:
-        """Whether the planner wants what was observed so far."""
+        """Whether the planner wants the grid of what was observed so far; False if it fails."""
         return self._attempt(lambda: self.plugin.wants_grid, check=answers.check_wish) or False
 
     def observe_grid(self, grid: GrownGrid) -> None:
-        """Hand over what was observed so far."""
+        """Give the planner the grid of what was observed so far."""
         self._attempt(self.plugin.observe_grid, grid, check=nothing)
 
     @property
     def path(self) -> tuple[Waypoint, ...]:
-        """The waypoints still ahead."""
+        """The waypoints still ahead; empty if the planner fails."""
         return self._attempt(lambda: self.plugin.path, check=answers.check_path) or ()
 
     @property
     def queries(self) -> tuple[PassageQuery, ...]:
-        """The passages whose status the planner wants."""
+        """The passages whose status the planner wants; empty if it fails."""
         return self._attempt(lambda: self.plugin.queries, check=answers.check_queries) or ()
 
     @property
     def no_route_reason(self) -> str | None:
-        """Why no route leads to the goal; None while there is one."""
+        """The reason why no route leads to the goal; None while there is one."""
         return self._attempt(lambda: self.plugin.no_route_reason, check=answers.check_reason)
 
     @property
     def notes(self) -> str:
-        """What was found to differ from the map."""
+        """Differences from the map that the planner found, as text; "" if there are none."""
         return self._attempt(lambda: self.plugin.notes, check=answers.check_reason) or ""
 
     @property
     def findings(self) -> answers.Findings:
-        """Closed passages, names and tracks of ways, and the map with these."""
+        """Closed passages, new ways by name with their tracks, and the map with these, or None."""
         plugin, check = self.plugin, answers.check_findings
         findings = self._attempt(
             lambda: (plugin.closed, plugin.found, plugin.topo_map), check=check
@@ -188,19 +188,19 @@ class GuardedPlanner(GuardedStage[interfaces.Planner]):
         return ((), (), None) if findings is None else findings
 
     def explain_choice(self, guard: PluginGuard | None = None) -> Mapping[str, Any]:
-        """Why the planner heads for where it does; empty if a route says it.
+        """Explain the planner's present target; empty if it simply follows the route.
 
-        A fault goes to ``guard``, by default that of the stage.
+        A fault is recorded in ``guard``, by default in that of the stage.
         """
         explain, check = self.plugin.explain_choice, answers.check_explanation
         return (guard or self.guard).attempt(self.label, explain, check=check) or {}
 
 
 class GuardedController(GuardedStage[interfaces.Controller]):
-    """LOCOM; standstill at a tick at which it fails."""
+    """Calls LOCOM; the twist is 0 at a tick at which it fails."""
 
     def control(self, command: Command | None, odometry: Odometry, dt: float) -> Twist:
-        """The twist for the next ``dt`` [s]."""
+        """Return the twist for the next ``dt`` [s]."""
         inputs, check = (command, odometry, dt), answers.check_twist
         twist = self._attempt(self.plugin.control, *inputs, check=check, vital=True)
         return Twist(0.0, 0.0) if twist is None else twist

@@ -1,4 +1,4 @@
-"""Calls of plugins: within a time limit, answers checked, failures contained and recorded."""
+"""Calls plugins within a time limit, checks answers, and contains and records failures."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from navfw.process.watchdog import PluginTimeout, Watchdog
 from navfw.robot import RobotModel
 
 _FRAMES = 50  # chosen
-"""Number of calls, from the innermost outwards, in which the plugin's own code is looked for."""
+"""Number of calls, from the innermost outwards, that are searched for the plugin's own code."""
 
 _MAX_LINE = 100  # chosen
 """Length of the text of a line [characters]."""
@@ -34,8 +34,8 @@ _LIBRARIES = tuple(
 def fault_origin(error: BaseException) -> str:
     """The innermost call in the plugin's own code, as in ``hover.py:12, in propose: 1 / 0``.
 
-    If all code on the way is that of navfw and of libraries, the innermost call outside of this
-    room; "" if there is none, as when an answer is refused by its check.
+    If all calls are in navfw and libraries, it is the innermost call outside of ``navfw.guard``; ""
+    if there is none, as when a check refuses an answer.
     """
     frames = traceback.extract_tb(error.__traceback__, limit=-_FRAMES)
     outside = [frame for frame in frames if not Path(frame.filename).is_relative_to(_GUARD)]
@@ -68,30 +68,30 @@ SUSPENSION, MAX_SUSPENSION = 0.5, 16.0  # chosen
 and its bound."""
 
 MAX_FAILURE_RATE = 0.1  # chosen
-"""Share of its calls in which a plugin may fail before that counts against the run."""
+"""Share of its calls in which a plugin may fail before the run counts as failed."""
 
 _MAX_ERROR = 300  # chosen
-"""Length of the error of a fault [characters]."""
+"""Largest length of the error text of a fault [characters]."""
 
 _MAX_FAULTS = 1000  # chosen
-"""Number of kinds of faults kept: a plugin may give a new error at every call."""
+"""Largest number of distinct faults kept: a plugin may raise a new error at every call."""
 
 AnswerT = TypeVar("AnswerT")
 PluginT = TypeVar("PluginT", bound=Plugin)
 
 
 def label_of(plugin: Plugin) -> str:
-    """Kind and name of ``plugin``, as faults give them."""
+    """Kind and name of ``plugin``, its label in faults."""
     return f"{plugin.kind} {plugin.name}"
 
 
 class PluginCallError(NavfwError):
-    """A call of a plugin gave no usable answer. It is recorded in the guard's faults."""
+    """A call of a plugin gave no valid answer. The failure is in the guard's ``faults``."""
 
 
 @dataclass(frozen=True, slots=True)
 class PluginFault:
-    """An error of a plugin, first at ``time`` [s], ``count`` times in all."""
+    """An error of a plugin, which occurred first at ``time`` [s], ``count`` times in total."""
 
     time: float
     plugin: str
@@ -105,7 +105,7 @@ class PluginFault:
 
 @dataclass(frozen=True, slots=True)
 class FailingStage:
-    """A stage that the robot cannot do without: it fails ``since`` a time [s], with ``error``."""
+    """A stage without which the robot cannot drive; it has failed ``since`` [s] with ``error``."""
 
     plugin: str
     since: float
@@ -118,8 +118,8 @@ class PluginGuard:
     A call fails if the plugin raises anything (SystemExit and KeyboardInterrupt included), exceeds
     the time limit, or gives an answer that its check refuses. The failure is recorded in ``faults``
     and PluginCallError is raised. After a time-out the plugin is suspended for some simulated time.
-    ``failing`` are stages, by plugin, whose last ``vital`` call has failed. While ``starting``, a
-    plugin may refuse the mission by an InputError. ``watchdog`` enforces the limits.
+    ``failing`` has the stages, by plugin, whose last ``vital`` call has failed. While ``starting``,
+    a plugin may refuse the mission by an InputError. ``watchdog`` enforces the limits.
     """
 
     def __init__(self, limit: float = LIMIT, first_limit: float = FIRST_LIMIT) -> None:
@@ -129,7 +129,7 @@ class PluginGuard:
         self.reset()
 
     def reset(self) -> None:
-        """Back to the start of a run: no faults, nothing suspended."""
+        """Return to the start of a run: no faults, no plugin suspended."""
         self.time = 0.0
         self.starting = True
         self._answered: Counter[str] = Counter()
@@ -140,12 +140,12 @@ class PluginGuard:
 
     @property
     def faults(self) -> tuple[PluginFault, ...]:
-        """Errors of plugins in this run, each kind of error once, oldest first."""
+        """Errors of plugins in this run, each distinct error once, oldest first."""
         return tuple(self._faults.values())
 
     @property
     def unreliable(self) -> Mapping[str, str]:
-        """The plugins that failed in more than a tenth of their calls, and in how many of them."""
+        """A message, by plugin, for each that failed in more than a tenth of its calls."""
         calls = {plugin: failed + self._answered[plugin] for plugin, failed in self._failed.items()}
         return {
             plugin: f"{plugin} failed in {self._failed[plugin]} of {count} calls"
@@ -161,10 +161,10 @@ class PluginGuard:
         check: Callable[[Any], AnswerT],
         vital: bool = False,
     ) -> AnswerT:
-        """The checked answer of ``function(*arguments)``, a call of ``plugin``.
+        """Call ``function(*arguments)`` of ``plugin``; return its answer as ``check`` accepts it.
 
         Raises:
-            PluginCallError: there is no usable answer.
+            PluginCallError: there is no valid answer, or the plugin is suspended.
             KeyboardInterrupt: the user has interrupted the run.
             InputError: the plugin refuses the mission at its start.
 
@@ -200,7 +200,7 @@ class PluginGuard:
         check: Callable[[Any], AnswerT],
         vital: bool = False,
     ) -> AnswerT | None:
-        """The answer as by ``call``; None when the plugin fails."""
+        """Call as ``call`` does; return None if the plugin fails."""
         try:
             return self.call(plugin, function, *arguments, check=check, vital=vital)
         except PluginCallError:
@@ -226,10 +226,10 @@ class PluginGuard:
 
 @contextmanager
 def contained(plugin: str, *passed: type[Exception]) -> Iterator[None]:
-    """A call of ``plugin`` outside of a run, within its time limit.
+    """Context of a plugin call outside of a run, within ``FIRST_LIMIT``.
 
     Raises:
-        PluginError: it failed, for any reason but an InputError, or one of ``passed``.
+        PluginError: it failed; an InputError, and those of ``passed``, are raised unchanged.
 
     """
     watchdog = Watchdog()
@@ -250,7 +250,7 @@ def contained(plugin: str, *passed: type[Exception]) -> Iterator[None]:
 def construct(
     cls: type[PluginT], robot: RobotModel, params: Plugin.Params | None = None
 ) -> PluginT:
-    """An object of a plugin class.
+    """Make an instance of a plugin class.
 
     Raises:
         PluginError: its constructor fails.
@@ -261,7 +261,7 @@ def construct(
 
 
 def error_text(error: BaseException) -> str:
-    """Type and message of ``error`` on one line, shortened, and where it was raised."""
+    """Type and message of ``error`` on one line, shortened, and its origin in the plugin's code."""
     if isinstance(error, PluginTimeout):
         text = f"took too long: {error}"
     else:

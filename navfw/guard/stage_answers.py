@@ -1,7 +1,7 @@
-"""The check of each stage's answer: what passes between stages.
+"""Checks of what each stage returns to the stack.
 
-Each function takes the answer and, where needed, what it must agree with, and raises
-``AnswerError``. A field is checked by its name (``_CHECKS``).
+Each function takes the answer and, where needed, what it must agree with, returns it checked
+(``navfw.guard.answers``), and raises ``AnswerError``. A field is checked by its name (``_CHECKS``).
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _UNKNOWN = int(Label.UNKNOWN)
 
 
 def check_proposal(answer: Any, shape: tuple[int, int]) -> Proposal:
-    """A behaviour's proposal for a command grid of that shape."""
+    """Check a behaviour's proposal for a command grid of ``shape`` (n_v, n_w)."""
     answers.instance(answer, Proposal, "propose")
     if not callable(answer.explain):
         raise answers.AnswerError("explain is no function")
@@ -55,7 +55,7 @@ def check_proposal(answer: Any, shape: tuple[int, int]) -> Proposal:
 
 
 def check_weights(answer: Any, known: Collection[str] = ()) -> dict[str, float]:
-    """A composite's weights of primitives; of ``known`` ones only, if there are any."""
+    """Check a composite's weights of primitives; if ``known`` is given, only of these."""
     weights = answers.mapping(answer, "weigh's answer")
     if known and (unknown := next((name for name in weights if name not in known), None)):
         near = did_you_mean(str(unknown), known)
@@ -64,17 +64,17 @@ def check_weights(answer: Any, known: Collection[str] = ()) -> dict[str, float]:
 
 
 def check_command(answer: Any) -> Command:
-    """A fusion's command."""
+    """Check a fusion's command."""
     return _checked(answers.instance(answer, Command, "fuse"), Command)
 
 
 def check_twist(answer: Any) -> Twist:
-    """A controller's twist."""
+    """Check a controller's twist."""
     return answers.twist(answer, "control's answer")
 
 
 def check_flow(answer: Any, pair: FramePair) -> FlowField:
-    """A flow processor's field of ``pair``; the motion is that of the pair.
+    """Check a flow processor's field of ``pair``; its motion is replaced by that of ``pair``.
 
     ``sigma`` may be infinite where the confidence is 0.
     """
@@ -97,9 +97,9 @@ def check_flow(answer: Any, pair: FramePair) -> FlowField:
 
 
 def check_percept(answer: Any, flow: FlowField) -> Percept:
-    """A perception's percept on the grid of ``flow``.
+    """Check a perception's percept on the grid of ``flow``.
 
-    Nearness and sigma may be anything where the confidence is 0, height where the label is UNKNOWN.
+    Nearness and sigma may be infinite where the confidence is 0, height where the label is UNKNOWN.
     """
     answers.instance(answer, Percept, "perceive")
     shape = flow.shape
@@ -125,7 +125,7 @@ def check_percept(answer: Any, flow: FlowField) -> Percept:
 
 
 def check_detections(answer: Any) -> tuple[LandmarkDetection, ...]:
-    """A feature recogniser's landmarks in one image."""
+    """Check a feature recogniser's landmarks in one image."""
     return _each(answer, LandmarkDetection, "recognize", _detection)
 
 
@@ -134,13 +134,13 @@ def _detection(mark: LandmarkDetection) -> LandmarkDetection:
 
 
 def check_belief(answer: Any) -> Belief:
-    """A localiser's belief."""
+    """Check a localiser's belief."""
     answers.instance(answer, Belief, "update")
     return _checked(answer, Belief, covariance=_covariance(answer.covariance, 3))
 
 
 def check_waypoint(answer: Any) -> Waypoint | None:
-    """A planner's waypoint, or None at the end."""
+    """Check a planner's waypoint, or None when the mission has ended."""
     return None if answer is None else _waypoint(answers.instance(answer, Waypoint, "update"))
 
 
@@ -151,12 +151,12 @@ def _waypoint(answer: Waypoint) -> Waypoint:
 
 
 def check_path(answer: Any) -> tuple[Waypoint, ...]:
-    """A planner's waypoints ahead."""
+    """Check a planner's waypoints ahead."""
     return _each(answer, Waypoint, "path", _waypoint)
 
 
 def check_queries(answer: Any) -> tuple[PassageQuery, ...]:
-    """A planner's queries for passages."""
+    """Check a planner's queries for passages."""
     return _each(answer, PassageQuery, "queries", _query)
 
 
@@ -172,12 +172,12 @@ def _query(answer: PassageQuery) -> PassageQuery:
 
 
 def check_wish(answer: object) -> bool:
-    """Whether a planner wants the grid."""
+    """Check a planner's answer to whether it wants the grid."""
     return answers.instance(answer, bool, "wants_grid")
 
 
 def check_reason(answer: Any) -> str | None:
-    """A planner's reason why there is no route; None while there is one."""
+    """Check a planner's reason why there is no route; None while there is one."""
     return None if answer is None else answers.text(answer, "no_route_reason")
 
 
@@ -187,7 +187,7 @@ Findings: TypeAlias = (
 
 
 def check_findings(answer: Any) -> Findings:
-    """What a planner found: closed passages, ways with tracks that are not empty, a map or None."""
+    """Check a planner's findings: closed passages, ways with tracks (none empty), a map or None."""
     from navfw.topomap import Passage, TopoMap  # not at the top: whoever asks why needs no graphs
 
     closed = _each(answer[0], Passage, "closed", lambda passage: passage)
@@ -197,7 +197,7 @@ def check_findings(answer: Any) -> Findings:
 
 
 def check_explanation(answer: Any) -> Mapping[str, Any]:
-    """A planner's explanation of where it heads for."""
+    """Check a planner's explanation of its present target."""
     return _explanation(answer, "explain_choice")
 
 

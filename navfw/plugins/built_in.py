@@ -1,6 +1,6 @@
-"""The plugins that ship with navfw, groups of entry points, and what source says of plugins.
+"""The plugins that ship with navfw, entry point groups, and plugin summaries from source code.
 
-None of them is imported.
+No plugin is imported for that.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ BUILT_IN: dict[str, dict[str, str]] = {
 }
 """The shipped plugins as ``module:Class``, by kind and name; imported on first use.
 
-Shipped behaviours are files in ``behaviors/``; listed here are those that import more than the
+Shipped behaviours are files in ``behaviors/``; listed here are plugins that import more than the
 public names of navfw.
 """
 
@@ -76,9 +76,9 @@ _MAX_SOURCE = 1_000_000
 
 
 def outlines(file: Path) -> list[tuple[str, str, str]]:
-    """Kind, name and summary of each behaviour and composite in a file, as its source says.
+    """Kind, name and summary of each behaviour and composite in a file, read from its source.
 
-    None of a file that cannot be parsed.
+    Empty if the file cannot be parsed. The file is not imported.
     """
     return [
         (
@@ -93,7 +93,7 @@ def outlines(file: Path) -> list[tuple[str, str, str]]:
 
 
 def outlined_summary(target: str) -> str:
-    """The summary of the class at ``module:Class``, as its source says; "" if it is not found."""
+    """Read the summary of the class at ``module:Class`` from its source; "" if not found."""
     module, _, name = target.partition(":")
     ours = _FOLDER.joinpath(*module.split(".")).with_suffix(".py")
     file = ours if ours.is_file() else file_of(module)  # which imports the packages above it
@@ -102,7 +102,7 @@ def outlined_summary(target: str) -> str:
 
 
 def summary_of(docstring: str | None) -> str:
-    """The first paragraph of a docstring on one line."""
+    """Return the first paragraph of a docstring on one line."""
     return inspect.cleandoc(docstring or "").strip().split("\n\n")[0].replace("\n", " ")
 
 

@@ -1,4 +1,4 @@
-"""Fault injection for behaviours: a mission's events, and their replay, make a behaviour fail."""
+"""Fault injection: events of a mission, or of its replay, make a behaviour fail."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Failure = Literal["raises", "hangs", "returns_nan"]
 
 
 class FaultInjector(Behavior):
-    """Wraps a behaviour and fails in its place while a failure is active."""
+    """Wraps a behaviour and, while a failure is active, fails instead of it."""
 
     name: ClassVar[str] = "fault_injector"
 
@@ -27,7 +27,7 @@ class FaultInjector(Behavior):
         self._active: list[Failure] = []
 
     def begin(self, failure: Failure) -> None:
-        """Activate ``failure`` from the next proposal on; of several, the newest applies."""
+        """Activate ``failure`` from the next proposal on; the one activated last applies."""
         self._active.append(failure)
 
     def end(self, failure: Failure) -> None:
@@ -40,7 +40,7 @@ class FaultInjector(Behavior):
         self.behavior.reset()
 
     def propose(self, context: Context) -> Proposal:
-        """The wrapped behaviour's proposal, or the active failure.
+        """Return the wrapped behaviour's proposal, or fail in the active way.
 
         Raises:
             RuntimeError: the failure ``raises`` is active.
@@ -60,7 +60,7 @@ class FaultInjector(Behavior):
 
 
 def inject_faults(behaviors: dict[str, Behavior], name: str) -> FaultInjector:
-    """Wrap the behaviour ``name`` in a fault injector, unless it is wrapped already; return it."""
+    """Wrap the behaviour ``name`` in ``behaviors`` in a fault injector, once, and return it."""
     behavior = behaviors[name]
     if not isinstance(behavior, FaultInjector):
         behavior = behaviors[name] = FaultInjector(behavior)

@@ -1,4 +1,4 @@
-"""Import a plugin file or ``module:Class``; whatever fails becomes a located ``PluginError``."""
+"""Import a plugin file or ``module:Class``; every failure becomes a located ``PluginError``."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from navfw.process.interruption import check_interrupted
 from navfw.process.watchdog import Watchdog
 
 IMPORT_LIMIT = 60.0
-"""Wall time limit of an import [s]: large libraries on a slow disk take some of it."""
+"""Wall time limit of an import [s]; large libraries on a slow disk need a part of it."""
 
 ClassT = TypeVar("ClassT", bound=type[Any])
 
@@ -34,7 +34,7 @@ _collecting: ContextVar[list[type[Any]] | None] = ContextVar("collecting", defau
 
 
 def plugin(cls: ClassT) -> ClassT:
-    """Register the decorated class with every registry that ``default_registry`` makes later.
+    """Decorate a class, so that each later ``default_registry`` registers it; return the class.
 
     Raises:
         PluginError: the class does not meet the interface of its kind.
@@ -51,13 +51,13 @@ def plugin(cls: ClassT) -> ClassT:
 
 
 def import_file(file: Path) -> tuple[ModuleType, list[type[Any]]]:
-    """Import ``file``; returns the module and the classes decorated with ``plugin`` in it.
+    """Import ``file``; return the module and the classes decorated with ``plugin`` in it.
 
     The folder becomes a package with a unique name, so that files of the same name in two folders
     do not collide, ``from .other import x`` works, and ``sys.path`` remains unchanged.
 
     Raises:
-        PluginError: the import raised, for any reason; names file and line.
+        PluginError: the import failed for any reason; the message names file and line.
 
     """
     package = _package_of(file.parent)
@@ -81,7 +81,7 @@ def import_file(file: Path) -> tuple[ModuleType, list[type[Any]]]:
 
 
 def import_object(target: str) -> Any:
-    """Import the object at ``target``, written ``module:Class``.
+    """Import and return the object at ``target``, written ``module:Class``.
 
     Raises:
         PluginError: the module cannot be imported or has no such object.
@@ -102,9 +102,9 @@ def import_object(target: str) -> Any:
 
 
 def candidates_of(module: ModuleType, decorated: list[type[Any]]) -> list[type[Any]]:
-    """The classes of ``module`` to register as plugins: decorated ones, and subclasses of Plugin.
+    """Return the classes of ``module`` to register: decorated ones, and subclasses of Plugin.
 
-    Left out are private classes, and incomplete base classes of other classes of the module.
+    Private classes are left out, and incomplete base classes of other classes of the module.
     """
     defined = [
         value
@@ -125,7 +125,7 @@ def candidates_of(module: ModuleType, decorated: list[type[Any]]) -> list[type[A
 
 
 def nothing_found(module: ModuleType, file: Path) -> PluginError:
-    """The error for a file of a plugin folder that contains no plugin."""
+    """Make the error for a file in a plugin folder that contains no plugin."""
     classes = [
         name
         for name, value in vars(module).items()

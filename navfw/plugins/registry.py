@@ -1,4 +1,4 @@
-"""The registry of plugins by kind and name; broken ones are kept with their error."""
+"""The registry of plugins by kind and name; broken ones are kept with their errors."""
 
 from __future__ import annotations
 
@@ -56,9 +56,9 @@ class _RegistryEntry:
 class Registry:
     """Plugins by kind and name.
 
-    A plugin is verified when it is registered. Entry points and shipped plugins are imported, and
-    verified, when they are first used, or listed with parameters. A broken plugin is listed with
-    its error and does not affect the others.
+    A plugin is verified when it is registered. Entry points and shipped plugins are imported and
+    verified when they are first used, or listed with parameters. A broken plugin is listed with its
+    error and does not affect the others.
     """
 
     def __init__(self) -> None:
@@ -69,7 +69,7 @@ class Registry:
         self._unread: list[PluginError] = []
 
     def register(self, cls: type[Plugin], source: str | None = None) -> None:
-        """Add a plugin class; ``source`` is its origin in listings.
+        """Verify and add a plugin class; ``source`` is its origin in listings.
 
         Raises:
             PluginError: the class is not a valid plugin, or its name is taken. The registry is
@@ -97,8 +97,8 @@ class Registry:
     def discover_folder(self, folder: str | Path, *, lazily: bool = False) -> None:
         """Import every ``*.py`` in ``folder``, except ``_*.py``, and register its plugins.
 
-        Broken plugins are recorded as such, as behaviours where the import fails before the kind is
-        known. If ``lazily``, a file is imported on first use of a behaviour that its source names.
+        Broken plugins are kept with their errors, as behaviours if the kind is not known. If
+        ``lazily``, a file is imported on first use of a behaviour that its source names.
 
         Raises:
             PluginError: ``folder`` is not a readable folder.
@@ -122,7 +122,7 @@ class Registry:
                     self._discover_file(file)
 
     def discover_entry_points(self, points: Iterable[EntryPoint] | None = None) -> None:
-        """Add the plugins of installed packages; they are imported on first use."""
+        """Add plugins of entry ``points`` (None: all installed), to be imported on first use."""
         installed = (point for group in GROUPS for point in points_of(group))
         for point in installed if points is None else points:
             source, target = source_of(point), point.value.replace(" ", "")
@@ -130,7 +130,7 @@ class Registry:
             self._attempt(entry, partial(self._add, entry))
 
     def get(self, kind: str, name: str) -> type[Plugin]:
-        """The class of a plugin.
+        """Return the class of a plugin; import and verify it first if it is not loaded yet.
 
         Raises:
             UnknownNameError: there is no such kind, or no such plugin of it.
@@ -154,7 +154,7 @@ class Registry:
         return entry.cls
 
     def names(self, kind: str) -> list[str]:
-        """The names of all plugins of a kind, broken ones included."""
+        """The sorted names of all plugins of a kind, broken ones included."""
         check_kind(kind)
         return sorted(name for of, name in self._entries if of == kind)
 
@@ -163,10 +163,10 @@ class Registry:
 
         Keys: name, kind, status (``ok`` or ``broken``), source, summary, parameters (each with
         name, type, default, required, bounds, description), notes (how its source uses the
-        simulator, or could), error (None when ok). Imports them all, and checks the files that
-        they read when they are made, such as rule bases. Without ``parameters``, one that is not
-        imported yet is listed as its source says, if that is found: with name, kind, source,
-        summary and error alone.
+        simulator, or could), error (None when ok). All plugins are imported, and the files that
+        they read, such as rule bases, are checked. Without ``parameters``, plugins that are not
+        imported yet are listed from their source if it is found, with only name, kind, source,
+        summary and error.
         """
         if kind is not None:
             check_kind(kind)
@@ -289,12 +289,12 @@ class Registry:
 
 
 def default_registry(folders: Iterable[str | Path] = ()) -> Registry:
-    """A registry of all available plugins.
+    """Make a registry of all available plugins.
 
-    These are the shipped ones, the project's ``behaviors/`` and ``plugins/``, ``folders``, the
-    entry points of installed packages, and classes decorated with ``plugin``. Of two plugins with
-    the same name, the one earlier in this order is kept; where the other is in a file, ``get``
-    refuses both. The project's are imported only if the user trusts the project, see
+    These are the shipped ones, those in the project's ``behaviors/`` and ``plugins/`` and in
+    ``folders``, the entry points of installed packages, and classes decorated with ``plugin``. Of
+    two plugins with the same name, the one earlier in this order is kept; if the other is in a
+    file, ``get`` refuses both. The project's are imported only if the user trusts the project, see
     ``navfw.config.project_trust``; ``folders`` are named by the caller, so they need no trust.
 
     Raises:

@@ -1,7 +1,7 @@
-"""Which plugins use the simulator, whose truth no robot has: a look at what their source imports.
+"""Finds the plugins whose source imports the simulator, whose truth no robot has.
 
-Plugins are their user's own code: nothing keeps one from reading the true pose. What is found here
-marks the result of a run as that of an oracle.
+Plugins are the user's own code: nothing prevents one from reading the true pose. What is found here
+marks the result of a run as ``oracle``.
 """
 
 from __future__ import annotations
@@ -17,21 +17,21 @@ from navfw.interfaces import Plugin
 from navfw.plugins.verification import source_file
 
 _SIMULATOR = ("pybullet", "pybullet_data", "pybullet_utils", "navfw.sim", "navfw.missions")
-"""The modules, with all below them, from which the simulator's truth can be had."""
+"""The modules that give access to the simulator's truth, with all their submodules."""
 
 _OF_WORLDS = {"landmark", "event", "family"}
 
 
 def plugin_files(plugins: Mapping[str, Plugin]) -> dict[str, Path]:
-    """The source files of ``plugins``, by name, under the kind and name of each."""
+    """The source files of ``plugins`` by "KIND NAME"; those without a file are left out."""
     files = {f"{plugin.kind} {name}": source_file(type(plugin)) for name, plugin in plugins.items()}
     return {label: real_path(file) for label, file in files.items() if file is not None}
 
 
 def simulator_users(plugins: Mapping[str, Plugin]) -> tuple[str, ...]:
-    """The names of the ``plugins`` that use the simulator, sorted.
+    """The sorted names of those ``plugins`` that use the simulator.
 
-    They say so (``oracle``), or their source, or a helper in its folder, imports it.
+    A plugin declares it (``oracle``), or its source, or a helper in its folder, imports it.
     """
     return tuple(
         sorted(
@@ -43,10 +43,10 @@ def simulator_users(plugins: Mapping[str, Plugin]) -> tuple[str, ...]:
 
 
 def access_notes(cls: type[Plugin]) -> list[str]:
-    """A line ``file:line: imports MODULE`` for each use of the simulator by a stage's plugin.
+    """A line ``file:line: imports MODULE`` for each import of the simulator by a stage's plugin.
 
-    Landmark kinds, events and families of worlds act on the world before a run, and an oracle says
-    what it is: theirs are none.
+    Empty for landmark kinds, events and families, which act on the world before a run, and for
+    plugins that declare ``oracle``.
     """
     file = source_file(cls)
     if file is None or cls.kind in _OF_WORLDS or getattr(cls, "oracle", False):
@@ -55,10 +55,7 @@ def access_notes(cls: type[Plugin]) -> list[str]:
 
 
 def simulator_imports(file: Path) -> tuple[tuple[int, str], ...]:
-    """Line and module of each import of the simulator in the Python source ``file``.
-
-    A file that cannot be read or parsed has none.
-    """
+    """Line and module of each simulator import in the Python ``file``; empty if unreadable."""
     return _imports_in(_nodes(file))
 
 

@@ -18,14 +18,14 @@ from navfw.config.yamlfile import shown
 from navfw.errors import PluginError
 
 _WITHOUT_DOCSTRINGS = 2
-"""The level of ``python -O`` from which on classes have lost their docstrings."""
+"""The level of ``python -O`` at which classes lose their docstrings."""
 
 
 def verify(cls: object) -> None:
-    """Raise unless ``cls`` is a plugin class that meets the interface of its kind.
+    """Raise unless ``cls`` is a plugin class that implements the interface of its kind.
 
     Raises:
-        PluginError: names file, line and class, and lists every problem with its remedy.
+        PluginError: the message has file, line and class, and each problem with its remedy.
 
     """
     problems = find_problems(cls)
@@ -38,14 +38,14 @@ def verify(cls: object) -> None:
 
 
 def find_problems(cls: object) -> list[str]:
-    """All problems of ``cls`` as a plugin class, each with its remedy; empty if there are none."""
+    """List the problems of ``cls`` as a plugin class, each with its remedy; empty if valid."""
     if not inspect.isclass(cls):
         return [f"expected a class, got {shown(cls)}"]
     return list(_problems(cls))
 
 
 def kind_of(cls: object) -> str | None:
-    """The kind of plugin that ``cls`` is a subclass of; None for none or several."""
+    """The kind of plugin that ``cls`` is a subclass of; None if of none or of several."""
     if not inspect.isclass(cls):
         return None
     kinds = [kind for kind, base in interfaces.KINDS.items() if issubclass(cls, base)]
@@ -53,7 +53,7 @@ def kind_of(cls: object) -> str | None:
 
 
 def source_file(cls: object) -> Path | None:
-    """The file that defines ``cls``, if it has one."""
+    """The file that defines ``cls``; None if there is none."""
     try:
         return Path(inspect.getfile(cls))  # type: ignore[arg-type]
     except (TypeError, OSError):
