@@ -1,4 +1,4 @@
-"""What owns a run and its output: atomic files, locks, interruption, watchdog, progress."""
+"""The process of a run and its output: atomic files, locks, interruption, watchdog, progress."""
 
 import lazy_loader
 

@@ -1,6 +1,6 @@
 """Atomic output: a file or folder is written completely or not at all.
 
-What is unfinished lies beside the target, under a lock (``navfw.process.target_lock``).
+Unfinished content lies beside the target, under a lock (``navfw.process.target_lock``).
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from navfw.process.printable_text import printable, printable_data
 from navfw.process.target_lock import TargetInUseError, TargetLock, lock_first_free, sweep
 
 _OF_THE_DISK = {errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EROFS, errno.EIO, errno.EACCES}
-"""Errors while content is written that are those of the disk, not of the program."""
+"""Errors while content is written that come from the disk, not from the program."""
 _SHOWN = {".html", ".md"}
-"""Suffixes of pages, which people look at."""
+"""Suffixes of pages that people read."""
 
 
 def output_place(target: Path, option: str, *, replaced: bool = True) -> Path:
-    """The absolute place of an output; for a link, what it points to.
+    """Check that an output can be written; return its absolute path, links followed.
 
     Raises:
         InputError: a link that points to nothing, a place below a file or without the right to
@@ -54,7 +54,7 @@ def output_place(target: Path, option: str, *, replaced: bool = True) -> Path:
 
 @contextlib.contextmanager
 def writing(target: Path) -> Iterator[None]:
-    """An OSError inside this context becomes an InputError: ``target`` cannot be written."""
+    """Context in which an OSError becomes an InputError: ``target`` cannot be written."""
     try:
         yield
     except OSError as error:
@@ -66,10 +66,10 @@ def _unwritable(target: Path, why: object) -> InputError:
 
 
 def output_file(target: Path, option: str = "") -> Path:
-    """The absolute place of a file to write (see ``output_place``), checked before the work.
+    """Check before the work that a file can be written; return its absolute path.
 
     Raises:
-        InputError: it cannot be written, or is a folder or a device.
+        InputError: the file cannot be written, or is a folder or a device.
 
     """
     place = output_place(target, option or "file")
@@ -84,9 +84,9 @@ def output_file(target: Path, option: str = "") -> Path:
 class AtomicTarget(ABC):
     """A context manager for writing ``target`` atomically.
 
-    Inside the block, ``path`` is a hidden folder beside the target. Without an exception, the
-    folder, or its content, is moved to the target at the end; after an exception it is removed.
-    ``option`` is the command line option that names the target. A link to a folder is followed.
+    Inside the block, ``path`` is a hidden folder beside the target to write to. If the block ends
+    without an exception, the folder, or its content, is moved to the target; else it is removed.
+    ``option`` is the command-line option that names the target. A link to a folder is followed.
     With ``numbered=True`` the target is the first of ``NAME``, ``NAME-2``, ... that is free.
 
     Raises:
@@ -126,7 +126,7 @@ class AtomicTarget(ABC):
 
     @property
     def kept(self) -> bool:
-        """Whether unfinished content stays after an exception."""
+        """Whether unfinished content is kept after an exception."""
         return False
 
     def _claim(self) -> None:
@@ -200,9 +200,9 @@ class AtomicFolder(AtomicTarget):
 
 @contextlib.contextmanager
 def atomic_file(path: Path, *, parents: bool = False) -> Iterator[Path]:
-    """A hidden file beside ``path``, to be written in this context.
+    """Yield a hidden file to write beside ``path``; at the end of the context it replaces ``path``.
 
-    At its end it replaces ``path``. Folders above it are created if ``parents``.
+    ``parents`` creates the missing folders above it.
 
     Raises:
         InputError: the file cannot be written, or another process writes it; an existing one stays
@@ -224,9 +224,9 @@ def atomic_file(path: Path, *, parents: bool = False) -> Iterator[Path]:
 def write_text(
     path: Path, content: str | Iterable[Iterable[str]], *, parents: bool = False
 ) -> None:
-    """Replace the file at ``path`` by a text, or by rows of CSV (see ``atomic_file``).
+    """Replace the file at ``path`` by a text, or by rows of CSV, atomically (``atomic_file``).
 
-    Pages and tables get ``printable`` text; of data every character stays.
+    In pages and tables, invisible characters are escaped (``printable``); not in other files.
     """
     with (
         atomic_file(path, parents=parents) as unfinished,
@@ -240,10 +240,10 @@ def write_text(
 
 @contextlib.contextmanager
 def scratch_folder(purpose: str) -> Iterator[Path]:
-    """A private folder in the system's temporary folder.
+    """Yield a private folder in the system's temporary folder; it is removed at the end.
 
     Raises:
-        SimulationError: it cannot be written; the simulator reads files from it.
+        SimulationError: the folder cannot be written.
 
     """
     folder = tempfile.gettempdir()

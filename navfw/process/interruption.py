@@ -1,8 +1,8 @@
-"""Interruption from outside: Ctrl-C and SIGTERM, both as KeyboardInterrupt, or deferred.
+"""Interruption from outside: Ctrl-C and SIGTERM, raised as KeyboardInterrupt or deferred.
 
-A flag says whether a signal has arrived: it distinguishes a KeyboardInterrupt raised by a plugin
-from one that the user has sent. A signal that the process ignores stays ignored, and a thread other
-than the main one has no signals: it cannot be interrupted.
+A flag records that a signal has arrived: it distinguishes a KeyboardInterrupt raised by a plugin
+from one that the user has sent. A signal that the process ignores is still ignored. Only the main
+thread gets signals: others cannot be interrupted.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from types import FrameType
 from typing import Any
 
 INTERRUPTED = 130
-"""Exit code of a command that Ctrl-C or SIGTERM has ended: that of shells for SIGINT."""
+"""Exit code of a command ended by Ctrl-C or SIGTERM: the one that shells use for SIGINT."""
 
 _REPEAT = 1.0
 """Wall time [s] after a signal within which another one counts as the same: a terminal sends Ctrl-C
@@ -52,9 +52,9 @@ def check_interrupted(error: BaseException | None = None) -> None:
     """Raise KeyboardInterrupt if a signal has arrived in the innermost ``interruptible`` context.
 
     Python drops what a handler raises in a finalizer or in a callback of compiled code, so a loop
-    that a signal is to end calls this. It is also called with an ``error`` of a plugin, for
+    that signals are to end calls this. After an ``error`` of a plugin it is called as well, because
     compiled code may raise another error than the interruption. A KeyboardInterrupt outside of any
-    context is taken for one that the user has sent.
+    context counts as sent by the user.
     """
     if _state.interrupted and (_state.raising or isinstance(error, KeyboardInterrupt)):
         raise KeyboardInterrupt
@@ -62,9 +62,9 @@ def check_interrupted(error: BaseException | None = None) -> None:
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """Raise KeyboardInterrupt inside this context on Ctrl-C or SIGTERM.
+    """Context in which Ctrl-C or SIGTERM raise KeyboardInterrupt.
 
-    A signal that was deferred around this context is raised at its beginning.
+    A signal that was deferred before is raised when the context begins.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -82,10 +82,10 @@ def interruptible() -> Iterator[None]:
 
 @contextmanager
 def deferred() -> Iterator[None]:
-    """Inside this context Ctrl-C and SIGTERM wait: for ``interruptible``, or for its end.
+    """Context in which Ctrl-C and SIGTERM wait: for ``interruptible``, or for its end.
 
-    At its end a waiting signal is raised as KeyboardInterrupt, unless another exception is on its
-    way, or a deferring context lies around this one.
+    At its end a waiting signal is raised as KeyboardInterrupt, unless another exception is being
+    raised, or the context is inside another ``deferred``.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -102,7 +102,7 @@ def deferred() -> Iterator[None]:
 
 
 def set_handlers(handler: _Handler) -> dict[signal.Signals, Any]:
-    """Let ``handler`` take each signal that the process does not ignore; the handlers before."""
+    """Set ``handler`` for each signal that the process does not ignore; return the old handlers."""
     return {
         number: signal.signal(number, handler)
         for number in _SIGNALS
@@ -112,7 +112,7 @@ def set_handlers(handler: _Handler) -> dict[signal.Signals, Any]:
 
 @contextmanager
 def interrupt_blocked() -> Iterator[None]:
-    """A process that is started inside does not get Ctrl-C before ``unblock_interrupt``."""
+    """Context in which started processes do not get Ctrl-C before ``unblock_interrupt``."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows: it may get it until it ignores it
         yield
         return
@@ -130,7 +130,7 @@ def unblock_interrupt() -> None:
 
 
 def ignore_signals() -> None:
-    """Ignore both signals from here on: the command is over, and its exit code is to tell how."""
+    """Ignore both signals from now on: the command has ended, and its exit code is to stay."""
     set_handlers(signal.SIG_IGN)
 
 

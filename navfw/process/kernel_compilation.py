@@ -1,8 +1,8 @@
-"""Kernels compiled ahead of need, on all cores, by one process at a time for each cache folder.
+"""Compiles kernels before they are needed, on all cores, one process at a time per cache folder.
 
 ``kernels.json`` lists the functions that Python calls, by module, each with its signatures;
-``tests/helpers/kernel_recording.py`` writes it from drives. What they call is compiled with them. A
-kernel or a signature that is not listed is compiled when it is first called.
+``tests/helpers/kernel_recording.py`` writes it from drives. Functions that they call are compiled
+with them. A kernel or a signature that is not listed is compiled when it is first called.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ PERIOD = 0.5
 """Wall time [s] between two reports while nothing is finished."""
 
 KERNEL_FILE = Path(__file__).with_name("kernels.json")
-"""Module: function: its signatures."""
+"""JSON: the signatures of each function, by module and function."""
 
 
 def parse_types(text: str) -> tuple[Any, ...]:
-    """The types that ``text`` names in the words of ``numba.types``, separated by commas.
+    """Parse a list of numba types, named as in ``numba.types`` and separated by commas.
 
     Raises:
         ValueError: a name is not understood.
@@ -72,7 +72,7 @@ class Kernel:
 
     @property
     def calls(self) -> set[Any]:
-        """The compiled functions that it calls, directly or not, and itself."""
+        """The kernel's function and all compiled functions that it calls, directly or not."""
         called, new = {self.function}, [self.function]
         while new:
             code = new.pop().py_func
@@ -83,20 +83,20 @@ class Kernel:
 
     @property
     def size(self) -> int:
-        """Length of the byte code that is compiled [byte]: the time grows with it."""
+        """Length of the byte code to compile [byte], to which the time is roughly proportional."""
         length = sum(len(function.py_func.__code__.co_code) for function in self.calls)
         return length * len(self.signatures)
 
     def compile(self) -> None:
-        """Compile what the cache lacks, and keep it there."""
+        """Compile the signatures that numba's cache lacks, and write them to the cache."""
         for types in self.signatures:
             self.function.compile(types)
 
 
 def listed_kernels(loaded: bool = False) -> list[Kernel]:
-    """The kernels of ``kernels.json``; with ``loaded`` those of the modules imported by now.
+    """The kernels of ``kernels.json``; with ``loaded`` only those of modules imported by now.
 
-    None where numba does not compile (NUMBA_DISABLE_JIT).
+    Empty if numba does not compile (NUMBA_DISABLE_JIT).
     """
     kernels = []
     for module, functions in json.loads(KERNEL_FILE.read_text(encoding="utf-8")).items():
@@ -111,7 +111,7 @@ def listed_kernels(loaded: bool = False) -> list[Kernel]:
 
 
 def groups_of(kernels: Sequence[Kernel]) -> list[list[Kernel]]:
-    """The kernels in groups that have no function in common, the largest first.
+    """Divide the kernels into groups that have no function in common, the largest first.
 
     Two processes that compile different groups compile no function twice.
     """
@@ -130,14 +130,14 @@ def groups_of(kernels: Sequence[Kernel]) -> list[list[Kernel]]:
 
 
 COMPILING = "compiling navfw's routines for this machine; this happens only once"
-"""What is said when the first kernels are compiled."""
+"""The message when the first kernels are compiled."""
 
 
 @dataclass(frozen=True, slots=True)
 class Compiled:
-    """How many kernels are compiled, the ``share`` of the work, and the time ``left`` [s].
+    """The progress of the compilation: kernels, ``share`` of the work, estimated time ``left`` [s].
 
-    ``left`` is None until enough is compiled to give it within a factor of two.
+    ``left`` is None until it can be estimated within a factor of two.
     """
 
     done: int
@@ -151,11 +151,11 @@ class Compiled:
 
 
 Report = Callable[[Compiled], object]
-"""Called with the state of the compilation."""
+"""A function that is called with the progress of the compilation."""
 
 
 _TRUSTED = 0.25
-"""Share of the work from which on the rest's time is known within a factor of two."""
+"""Share of the work from which on the time left can be estimated within a factor of two."""
 
 
 def _state(kernels: Sequence[Kernel], began: float) -> Compiled:
@@ -170,11 +170,11 @@ def _state(kernels: Sequence[Kernel], began: float) -> Compiled:
 
 
 def compile_kernels(report: Report | None = None, *, loaded: bool = False) -> int:
-    """Compile the listed kernels that are not compiled yet; returns their number.
+    """Compile the listed kernels that numba's cache lacks; return their number.
 
-    With ``loaded`` those of imported modules. ``report`` is called only if there are any, every
-    ``PERIOD``. While another process compiles, this one waits and compiles nothing. In a process
-    that may not have children, the kernels are compiled here, one after the other.
+    With ``loaded``, only those of imported modules. ``report`` is called only if there are any,
+    every ``PERIOD``. While another process compiles, this one waits and compiles nothing. In a
+    process that may not have children, the kernels are compiled one after the other.
 
     Raises:
         KeyboardInterrupt: a signal has arrived; what was compiled by then is kept.

@@ -1,7 +1,7 @@
 """The last trace of a process: what it was doing when it crashed, or hung beyond any signal.
 
-The interpreter's ``faulthandler`` writes it to a file from C, while Python can do nothing any more.
-Another process reads there which plugin was being called.
+The interpreter's ``faulthandler`` writes it to a file from C, when Python cannot run any more.
+Another process reads from it which plugin was being called.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TextIO
 
 _MAX_LIMIT = 1e8
-"""Longest time limit [s] that ``faulthandler`` takes; three years."""
+"""Longest time limit [s] that ``faulthandler`` accepts; three years."""
 
 _FRAME = re.compile(r'File "(.+)", line (\d+) in (.+)')
 
@@ -25,20 +25,20 @@ _file: TextIO | None = None
 
 
 def keep_trace(file: TextIO) -> None:
-    """Write the trace of a crash of this process to ``file``, an open file."""
+    """Let a crash of this process write its trace to ``file``, an open file."""
     global _file  # noqa: PLW0603 - a process has one last trace
     _file = file
     faulthandler.enable(file)
 
 
 def dump_trace() -> None:
-    """Write what all threads are doing now."""
+    """Write the present calls of all threads to the file of ``keep_trace``, if there is one."""
     if _file is not None:
         faulthandler.dump_traceback(_file)
 
 
 def name_plugins(files: Mapping[str, Path]) -> None:
-    """Begin the trace anew: with the file of each plugin, by its kind and name."""
+    """Begin the trace file again with the source file of each plugin, by its kind and name."""
     if _file is not None:
         _file.seek(0)
         _file.truncate()
@@ -48,9 +48,9 @@ def name_plugins(files: Mapping[str, Path]) -> None:
 
 @contextmanager
 def ended_after(limit: float) -> Iterator[None]:
-    """End the process, with a trace, if this context lasts longer than ``limit`` [s].
+    """Context that ends the process, with a trace, if it lasts longer than ``limit`` [s].
 
-    The timer is a thread of C: it ends even a process that hangs in compiled code.
+    The timer is a thread in C: it ends even a process that hangs in compiled code.
     """
     if math.isfinite(limit):
         file = sys.stderr if _file is None else _file

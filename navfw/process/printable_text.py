@@ -1,4 +1,4 @@
-"""Text as terminals and pages may show it: nothing in it moves, hides or reorders what is shown."""
+"""Text that is safe to show: it contains nothing that moves, hides or reorders other text."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ _CONTROLS = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u00ad\u034f\u061c\u115f\u1160\u17b4\u17b5\u180b-\u180f\u200b-\u200f"
     "\u2028-\u202e\u2060-\u206f\u3164\ufe00-\ufe0f\ufeff\uffa0\ufff0-\ufffb\ud800-\udfff\U000e0000-\U000e0fff]"
 )
-"""Characters that no screen shows by themselves, but tab and line feed: controls, escapes, marks of
-direction, of no width, lone surrogates, tags."""
+"""Characters that no screen shows by themselves, except tab and line feed: controls, escapes, marks
+of direction, characters without width, lone surrogates, tags."""
 _REST = re.compile(rf"([^\n]{{{MAX_LINE}}})[^\n]+")
 
 
 def printable(text: str, *, cut: bool = False) -> str:
-    r"""``text`` with ``\x1b`` and the like for what no screen shows; long lines shorter if ``cut``.
+    r"""Replace invisible characters in ``text`` by ``\x1b`` and the like; ``cut`` long lines.
 
     >>> printable("a\x1b[31m\u202eb")
     'a\\x1b[31m\\u202eb'
@@ -29,7 +29,7 @@ def printable(text: str, *, cut: bool = False) -> str:
 
 
 def printable_data(value: Any) -> Any:
-    """``value``, of mappings, lists and scalars, with its texts ``printable``."""
+    """Return ``value``, nested mappings, lists and scalars, with all its texts ``printable``."""
     if isinstance(value, str):
         return printable(value)
     if isinstance(value, Mapping):

@@ -1,4 +1,4 @@
-"""Resources of this process: cores, the largest memory it has had, where its output goes."""
+"""Resources of this process: cores, peak memory, where its output goes."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ def usable_cores() -> int:
 
 
 def peak_memory_mb() -> float:
-    """The largest resident memory [MB] of this process since its start.
+    """The largest resident memory [MB] that this process has had since its start.
 
-    On Linux by ``VmHWM``: ``ru_maxrss`` of a process counts what its parent had when it started it.
-    NaN where the system does not say, as on Windows.
+    On Linux it is read from ``VmHWM``, as ``ru_maxrss`` includes what the parent had when it
+    started the process. NaN if the system does not say, as on Windows.
     """
     try:
         text = Path("/proc/self/status").read_text(encoding="utf-8")
@@ -38,7 +38,7 @@ def peak_memory_mb() -> float:
 
 @contextlib.contextmanager
 def redirected(target: int, *descriptors: int) -> Iterator[None]:
-    """Send to ``target`` what Python and native libraries write to ``descriptors`` in the block."""
+    """Context that sends to ``target`` what Python and libraries write to ``descriptors``."""
     sys.stdout.flush()
     sys.stderr.flush()
     saved = [os.dup(descriptor) for descriptor in descriptors]
@@ -53,9 +53,9 @@ def redirected(target: int, *descriptors: int) -> Iterator[None]:
 
 
 def return_freed_memory() -> None:
-    """Give memory that has been freed back to the system, where the C library can (glibc).
+    """Return freed memory to the system, if the C library can (glibc).
 
-    The library keeps it otherwise, in pieces that the next run does not fit into.
+    Otherwise the library keeps it in pieces that the next run does not fit into.
     """
     with contextlib.suppress(AttributeError, OSError, TypeError):
         ctypes.CDLL(None).malloc_trim(0)

@@ -1,7 +1,7 @@
-"""Tables of results: what a column is called, and how the values of its records read.
+"""Tables of results: titles of columns, and how values are formatted.
 
-One table has two renderers: ``navfw.cli.output.print_tables`` on a terminal, and
-``ResultTable.markdown`` for files and pages.
+``navfw.cli.output.print_tables`` prints a table on a terminal, ``ResultTable.markdown`` formats it
+for files and pages.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from typing import Any
 
 
 def shown(value: object, form: str = "", unit: str = "", missing: str = "-") -> str:
-    """A value as text, by a format specification and with a ``unit`` after it.
+    """Format a value by a format specification, with a ``unit`` after it.
 
-    ``missing`` stands for None and for numbers that are not finite.
+    ``missing`` is the text for None and for numbers that are not finite.
 
     >>> shown(0.1234, ".1%"), shown(12.34, ".1f", "s"), shown(None)
     ('12.3 %', '12.3 s', '-')
@@ -31,7 +31,7 @@ def shown(value: object, form: str = "", unit: str = "", missing: str = "-") -> 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column: its title, the value of a record, and how the value reads (see ``shown``).
+    """A column: its title, the value of a record, and the format of the value (see ``shown``).
 
     ``value`` is a key of the records, or a function of a record.
     """
@@ -43,7 +43,7 @@ class Column:
     missing: str = "-"
 
     def cell(self, record: Any) -> str:
-        """The text of the column for a record."""
+        """The text in this column for a record."""
         value = self.value(record) if callable(self.value) else record[self.value]
         return shown(value, self.form, self.unit, self.missing)
 
@@ -63,7 +63,7 @@ class ResultTable:
 
     @property
     def rows(self) -> list[list[str]]:
-        """The text of each column, for each record."""
+        """The texts of the cells, (records, columns)."""
         return [[column.cell(record) for column in self.columns] for record in self.records]
 
     def markdown(self) -> str:
@@ -71,7 +71,7 @@ class ResultTable:
         return markdown_table(self.head, self.rows)
 
     def latex(self) -> str:
-        """The table as a tabular of LaTeX's package booktabs."""
+        """The table as a LaTeX tabular; it needs the package booktabs."""
         columns = "l" + "r" * (len(self.columns) - 1)
         lines = [" & ".join(map(_in_latex, row)) + r" \\" for row in (self.head, *self.rows)]
         parts = [rf"\begin{{tabular}}{{{columns}}}", r"\toprule", lines[0], r"\midrule", *lines[1:]]
@@ -79,7 +79,7 @@ class ResultTable:
 
 
 def named(records: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """The ``records`` with their names as ``name``."""
+    """Convert ``records`` by name to a list, with the name of each under the key ``name``."""
     return [{"name": name, **record} for name, record in records.items()]
 
 

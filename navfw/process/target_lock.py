@@ -1,9 +1,9 @@
-"""Locks on files and folders that are being written, and removal of what dead processes left.
+"""Locks on files and folders that are being written, and removal of leftovers of dead processes.
 
-A process that writes ``NAME`` holds a lock (flock) on the file ``.NAME.navfw-lock`` beside it. The
-unfinished content is in ``.NAME.navfw-part``, content that is being replaced in
-``.NAME.navfw-old``. The system releases the lock when the process ends, however it ends: whoever
-gets it next removes what lies beside. Without flock, the lock is that of SQLite on the file.
+A process that writes ``NAME`` holds a lock (flock) on the file ``.NAME.navfw-lock`` beside it.
+Unfinished content is in ``.NAME.navfw-part``, content that is being replaced in
+``.NAME.navfw-old``. The system releases the lock when the process ends, however it ends; the next
+holder removes these leftovers. Without flock, the lock is that of SQLite on the file.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ except ImportError:  # Windows
     fcntl = None
 
 PATIENCE = 0.25
-"""Time [s] to wait for a lock: ``sweep`` of another process holds locks for a moment."""
+"""Time [s] to wait for a lock: ``sweep`` in another process holds locks for a moment."""
 
 _LOCK = ".navfw-lock"
 
 
 class TargetInUseError(InputError):
-    """Another process writes the same file or folder."""
+    """Another process is writing the same file or folder."""
 
 
 class TargetLock:
     """The lock on ``target``, an absolute path; a context manager.
 
     ``file`` is the lock file, ``part`` the file or folder for unfinished content, ``old`` the
-    content that is being replaced. ``unfinished`` is where content is that stays when its process
-    dies: a recording.
+    content that is being replaced. ``unfinished`` is the path of content that is kept when its
+    process dies: a recording.
 
     Raises:
         TargetInUseError: another process, or another lock of this one, holds it.
@@ -64,7 +64,7 @@ class TargetLock:
         self.release()
 
     def acquire(self, patience: float = PATIENCE) -> None:
-        """Take the lock within ``patience`` [s], and remove what a dead holder of it left."""
+        """Acquire the lock within ``patience`` [s], and remove what a dead holder left."""
         deadline = time.monotonic() + patience
         while (handle := self._locked()) is None:
             if time.monotonic() >= deadline:
@@ -116,7 +116,7 @@ class TargetLock:
 
 
 def lock_first_free(target: Path) -> TargetLock:
-    """The lock on the first of ``NAME``, ``NAME-2``, ... that neither exists nor is locked."""
+    """Lock the first of ``NAME``, ``NAME-2``, ... that neither exists nor is locked."""
     names = (target.name if n == 1 else f"{target.name}-{n}" for n in itertools.count(1))
     while True:
         place = target.with_name(next(names))
@@ -130,7 +130,7 @@ def lock_first_free(target: Path) -> TargetLock:
 
 
 def sweep(folder: Path) -> None:
-    """Remove what dead processes left unfinished in ``folder``; best effort."""
+    """Remove what dead processes left unfinished in ``folder``; errors are ignored."""
     with contextlib.suppress(OSError):
         for file in list(folder.glob(f".?*{_LOCK}")):
             with contextlib.suppress(OSError, TargetInUseError):

@@ -17,10 +17,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 
 PERIOD = 0.25
-"""Period [s] in which the interval timer looks at the time spent in the call in progress."""
+"""Period [s] in which a timer checks the time spent in the present call."""
 
 MAX_GAP = 1.0
-"""Longest wall time [s] between two looks that counts: in a longer one the process, or the whole
+"""Longest wall time [s] between two checks that counts: in a longer one the process, or the whole
 machine, was stopped (Ctrl-Z, suspended)."""
 
 _ALARM = next(n for n in ("SIGALRM", "SIGBREAK", "SIGUSR1") if hasattr(signal, n))
@@ -35,10 +35,10 @@ class PluginTimeout(BaseException):
 
 
 class Watchdog:
-    """Ends the plugin call in progress at its time limit, while it is ``active``.
+    """Interrupts the present plugin call at its time limit, while it is ``active``.
 
-    Works only in the main thread, and only between two steps of the interpreter: a call that hangs
-    in compiled code lasts until the run's wall-clock limit (``navfw.process.last_trace``).
+    It works only in the main thread, and only between two steps of the interpreter: a call that
+    hangs in compiled code lasts until the run's wall-clock limit (``navfw.process.last_trace``).
     """
 
     def __init__(self) -> None:
@@ -48,19 +48,19 @@ class Watchdog:
         self.active = False
 
     def begin(self, limit: float) -> None:
-        """Begin a call, which may take ``limit`` [s] of wall time besides compiling kernels."""
+        """Begin a call, which may take ``limit`` [s] of wall time, except to compile kernels."""
         self._spent, self._looked, self._limit = 0.0, time.monotonic(), limit
 
     def end(self) -> None:
-        """End the call in progress."""
+        """End the present call: it has no limit any more."""
         self._limit = math.inf
 
     @contextmanager
     def on_duty(self) -> Iterator[None]:
-        """Raise PluginTimeout inside this context in a call that exceeds its limit.
+        """Context that raises PluginTimeout in a call that exceeds its limit.
 
-        Inside, ``active`` is true. A timer that was set before goes on afterwards. Installing the
-        timer takes some 20 us.
+        Inside, ``active`` is True. A timer that was set before goes on afterwards. Installing the
+        timer takes about 20 us.
         """
         self.active, before = True, self.active
         try:
@@ -122,7 +122,7 @@ class Watchdog:
 
 
 def compiling() -> bool:
-    """Whether a kernel is being compiled in this process; numba is not imported for that."""
+    """Whether a kernel is being compiled in this process; it does not import numba."""
     numba = sys.modules.get("numba.core.compiler_lock")
     if numba is None or numba.global_compiler_lock.is_locked():  # by this thread
         return numba is not None

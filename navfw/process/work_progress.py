@@ -1,4 +1,4 @@
-"""Progress of long work: step by step, each with what is done and how much there is."""
+"""Progress of long work: the present step, and how many of its items are done."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class ProgressCallback(Protocol):
     """Called as work goes on (``navfw.cli.progress_bar.ProgressBar.show_part``)."""
 
     def __call__(self, step: str, done: int = 0, total: int = 0, /) -> object:
-        """``done`` of ``total`` items of this ``step`` are done; 0 of 0: nothing is counted."""
+        """Report that ``done`` of ``total`` items of this ``step`` are done; 0 of 0: unknown."""
 
 
 def silent(step: str, done: int = 0, total: int = 0, /) -> None:
@@ -22,9 +22,9 @@ def silent(step: str, done: int = 0, total: int = 0, /) -> None:
 def with_progress(
     items: Iterable[ItemT], step: str, report: ProgressCallback, total: int | None = None
 ) -> Iterator[ItemT]:
-    """The ``items`` of a step; ``report`` is called before each, and at the end.
+    """Yield ``items``; call ``report`` with ``step`` before each, and at the end.
 
-    ``total`` is the number of items where they have no length.
+    ``total`` is the number of items if they have no length.
 
     >>> list(with_progress("ab", "letters", lambda *progress: print(*progress)))
     letters 0 2
