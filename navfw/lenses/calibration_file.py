@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
 from collections.abc import Iterable, Sequence
@@ -32,28 +33,19 @@ _OTHER_NAMES = {
 }
 _BY_COUNT = {"", "pinhole", "pinhole_full", "perspective", "rectified", "none"}
 """What is said of lenses whose model follows from the number of coefficients."""
-_REFUSED = {
-    **{"omni": "omni", "mei": "MEI", "ds": "ds", "eucm": "eucm", "fov": "fov"},
-    "scaramuzza": "SCARAMUZZA",
-}
-"""Models of Kalibr and VINS that are known and not supported."""
+_REFUSED = {"omni", "mei", "ds", "eucm", "fov", "scaramuzza"}
+"""Models of Kalibr and VINS that are known and not supported, whatever else a file says."""
 # names of the same thing, whatever their case: OpenCV's programs; ROS's camera_info files and
 # messages; cameracalibrator's ost.txt; Kalibr and EuRoC
 _MATRIX = ("camera_matrix", "cameramatrix", "camera matrix", "k", "intrinsics")
 _COEFFICIENTS = (
-    "distortion_coefficients",
-    "dist_coeffs",
-    "distcoeffs",
-    "dist_coeff",
-    "distortion_coeffs",
-    "distortion",
-    "d",
+    *("distortion_coefficients", "dist_coeffs", "distcoeffs", "dist_coeff"),
+    *("distortion_coeffs", "distortion", "d"),
 )
 _FOCALS = (("fx", "fy", "cx", "cy"), ("mu", "mv", "u0", "v0"))
 """Names of the numbers of a camera matrix: of ORB-SLAM and VINS, and of VINS's fisheyes."""
 _NAMED = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
-_NAMED_FISHEYE = (("k1", "k2", "k3", "k4"), ("k2", "k3", "k4", "k5"))
-"""Names of coefficients in OpenCV's order, beside each of ``_FOCALS`` for a fisheye."""
+"""Names of coefficients in OpenCV's order; those of VINS's fisheyes begin with k2."""
 _PARTS = ("distortion_parameters", "mirror_parameters")
 _WIDTH = ("image_width", "width", "imagewidth", "cols")
 _HEIGHT = ("image_height", "height", "imageheight", "rows")
@@ -75,8 +67,8 @@ def load_calibration(path: Path, camera: str | None = None) -> CameraCalibration
 
     Raises:
         InputError: the file cannot be read, is none of these, or lacks a camera matrix or
-            coefficients; a number is missing, no number or out of range; the model is unknown or
-            not supported; there are several cameras, and none is named; with file and line.
+            coefficients; a number is missing, no number or out of range; the model is not
+            supported; there are several cameras, and none is named; with file and line.
 
     """
     file = shown_path(path)
@@ -90,13 +82,7 @@ def load_calibration(path: Path, camera: str | None = None) -> CameraCalibration
     reader = _Reader(document, camera)
     matrix, size = reader.of_the_image()
     model = reader.model()
-    return CameraCalibration(
-        file=file,
-        matrix=matrix,
-        coefficients=reader.coefficients(model),
-        model=model,
-        size=size,
-    )
+    return CameraCalibration(file, matrix, reader.coefficients(model), model, size)
 
 
 def _plain_yaml(text: str, file: str) -> str:
@@ -135,10 +121,12 @@ class _Reader:
 
     def __init__(self, document: YamlDocument, camera: str | None) -> None:
         self._document = document
-        self._places: list[tuple[KeyPath, str]] = [((), "")]
-        if self._key(_MATRIX) is None or isinstance(self._document.at(self._needed(_MATRIX)), dict):
-            self._places = [*self._camera(camera), *(((part,), "") for part in _PARTS)]
-            self._places += [((), "Camera."), ((), "")]
+        self._paths: dict[str, KeyPath] = {}
+        places = [((), ""), ((), "Camera."), *(((part,), "") for part in _PARTS)]
+        for place, prefix in [*places, *self._camera(camera)]:
+            node = document.at(place)
+            keys = [key for key in node if key.startswith(prefix)] if isinstance(node, dict) else []
+            self._paths |= {key.removeprefix(prefix).lower(): (*place, key) for key in keys}
 
     def _camera(self, wanted: str | None) -> list[tuple[KeyPath, str]]:
         """Where the numbers of the ``wanted`` camera are: below a key, or beside it after a dot."""
@@ -160,135 +148,102 @@ class _Reader:
         return [cameras[chosen]]
 
     def model(self) -> str:
+        keys = [self._paths[name] for name in _MODEL if name in self._paths]
+        written = [str(self._document.at(key)).strip() for key in keys]
+        said = [name.lower() for name in written]
+        known = [model for name in said if (model := _OTHER_NAMES.get(name, name)) in _COUNTS]
+        for name, key, text in zip(said, keys, written, strict=True):
+            if name in _REFUSED or not (known or name in _BY_COUNT):
+                hint = "calibrate as a pinhole camera with radtan or equidistant distortion"
+                hint = hint if name in _REFUSED else did_you_mean(name, [*_COUNTS, *_OTHER_NAMES])
+                raise self._error(f"the model {text!r} is not supported: {hint}", key)
         flag = self._key(_FISHEYE_FLAG)
-        keys = [key for key in map(self._key, zip(_MODEL, strict=True)) if key is not None]
-        said = [(str(self._document.at(key)).strip().lower(), key) for key in keys]
-        for name, key in said:
-            if name in _REFUSED:
-                how = "calibrate as a pinhole camera with radtan or equidistant distortion"
-                raise self._error(f"the model {_REFUSED[name]!r} is not supported: {how}", key)
-        for name, key in said:
-            model = _OTHER_NAMES.get(name, name)
-            if model in _COUNTS:
-                return model
-            if name not in _BY_COUNT:
-                hint = did_you_mean(name, [*_COUNTS, *_OTHER_NAMES])
-                raise self._error(f"unknown distortion model {name!r}: {hint}", key)
         if flag and not said and self._document.at(flag) == 1:
             return FISHEYE
-        return "plumb_bob" if self._coefficients(_NAMED)[1].size <= 5 else "rational_polynomial"
+        few = self._coefficients(_NAMED)[1].size <= 5
+        return [*known, "plumb_bob" if few else "rational_polynomial"][0]
 
     def of_the_image(self) -> tuple[Array, tuple[int, int] | None]:
         """Matrix and size of the image as it was sent: cut out of the sensor's, and binned."""
         matrix, size = self.matrix(), self.size()
-        steps = [max(self._pixels(f"binning_{axis}"), 1) for axis in "xy"]
-        if max(steps) > 1 and size is not None:
-            for k, side in enumerate(size):
-                if not _CENTRAL < matrix[k, 2] / side < 1.0 - _CENTRAL:
-                    what = (
-                        f"its principal point {matrix[k, 2]:g} is not near the middle of {side} px"
-                    )
-                    key = self._key((f"binning_{'xy'[k]}",)) or ()
-                    raise self._error(f"{what}: the camera matrix was binned already", key)
-        roi = [self._pixels("roi", name) for name in ("x_offset", "y_offset", "width", "height")]
-        sides = list(size or ())
+        steps = [max(self._pixels(self._paths.get(f"binning_{axis}", ())), 1) for axis in "xy"]
+        for k, side in enumerate(size or ()):
+            central = _CENTRAL < matrix[k, 2] / side < 1.0 - _CENTRAL
+            if max(steps) > 1 and not central:
+                what = f"its principal point {matrix[k, 2]:g} is not near the middle of {side} px"
+                key = self._key((f"binning_{'xy'[k]}",)) or ()
+                raise self._error(f"{what}: the camera matrix was binned already", key)
+        part = self._paths.get("roi", ("roi",))
+        roi = [self._pixels((*part, name)) for name in ("x_offset", "y_offset", "width", "height")]
         for k, step in enumerate(steps):
             # pixel centres have whole coordinates, so the corner of the image is at -0.5
             matrix[k, 2] = (matrix[k, 2] - roi[k] + 0.5) / step - 0.5
             matrix[k, k] /= step
-            sides[k : k + 1] = [(roi[2 + k] or side) // step for side in sides[k : k + 1]]
-        return matrix, (sides[0], sides[1]) if size else None
+        if size is None:
+            return matrix, None
+        return matrix, ((roi[2] or size[0]) // steps[0], (roi[3] or size[1]) // steps[1])
 
     def matrix(self) -> Array:
-        named = self._focals()
-        path, numbers = self._values(_FOCALS[named]) if named is not None else self._matrix()
+        named = next((names for names in _FOCALS if names[0] in self._paths), None)
+        if named is None:
+            path, numbers = self._numbers(self._needed(_MATRIX))
+        else:
+            path = self._paths[named[0]]
+            numbers = np.array([self._number(self._needed((name,))) for name in named])
         if numbers.size == 4:
             x, y, u, v = numbers.tolist()
             numbers = np.array([x, 0.0, u, 0.0, y, v, 0.0, 0.0, 1.0])
         if numbers.size != 9:
             raise self._error(f"expected 3 x 3 numbers, got {numbers.size}", path)
         matrix: Array = numbers.reshape(3, 3)
-        focal = matrix[0, 0], matrix[1, 1]
-        if not (min(focal) > 1.0 and max(focal) < 1e5 and 0.5 < focal[0] / focal[1] < 2.0):
-            raise self._error(
-                f"expected focal lengths in pixels, got {focal[0]:g} and {focal[1]:g}", path
-            )
+        fx, fy = matrix[0, 0], matrix[1, 1]
+        if not (min(fx, fy) > 1.0 and max(fx, fy) < 1e5 and 0.5 < fx / fy < 2.0):
+            raise self._error(f"expected focal lengths in pixels, got {fx:g} and {fy:g}", path)
         if np.abs(matrix[1:, 0]).max() > 0.0 or matrix[2].tolist() != [0.0, 0.0, 1.0]:
             raise self._error("expected the rows fx 0 cx, 0 fy cy, 0 0 1", path)
-        if abs(matrix[0, 1]) > 0.01 * focal[0]:
+        if abs(matrix[0, 1]) > 0.01 * fx:
             raise self._error(f"expected no skew, got {matrix[0, 1]:g} px", path)
-        size = self.size()
-        x, y = matrix[:2, 2]
+        (x, y), size = matrix[:2, 2], self.size()
         if size is not None and not (0.0 < x < size[0] and 0.0 < y < size[1]):
-            raise self._error(
-                f"the principal point ({x:g}, {y:g}) lies outside of images of {size[0]} x "
-                f"{size[1]} px",
-                path,
-            )
+            what = f"the principal point ({x:g}, {y:g}) lies outside of images"
+            raise self._error(f"{what} of {size[0]} x {size[1]} px", path)
         return matrix
 
     def coefficients(self, model: str) -> Array:
-        named = self._focals() or 0
-        path, numbers = self._coefficients(_NAMED_FISHEYE[named] if model == FISHEYE else _NAMED)
+        first = int(model == FISHEYE and "k1" not in self._paths)
+        fisheye = [f"k{number + first}" for number in (1, 2, 3, 4)]
+        path, numbers = self._coefficients(fisheye if model == FISHEYE else _NAMED)
         if numbers.size not in _COUNTS[model]:
             counts = " or ".join(map(str, _COUNTS[model][1:]))
-            raise self._error(
-                f"expected {counts} coefficients for {model}, got {numbers.size}", path
-            )
+            what = f"expected {counts} coefficients for {model}, got {numbers.size}"
+            raise self._error(what, path)
         return numbers
 
     def size(self) -> tuple[int, int] | None:
-        width, height, both = self._key(_WIDTH), self._key(_HEIGHT), self._key(_SIZE)
-        if width is not None and height is not None:
-            return self._side(width), self._side(height)
-        if both is not None:
-            sides = self._document.at(both)
-            if not isinstance(sides, list) or len(sides) != 2:
-                raise self._error("expected [width, height]", both)
-            return self._side((*both, 0)), self._side((*both, 1))
-        lonely = width or height
-        if lonely is not None:
-            other = _HEIGHT[0] if width else _WIDTH[0]
-            raise self._error(f"has no counterpart {other!r}", lonely)
-        return None
+        both = self._key(_SIZE)
+        if self._key(_WIDTH + _HEIGHT) is not None:
+            sides = self._needed(_WIDTH), self._needed(_HEIGHT)
+        elif both is None:
+            return None
+        else:
+            sides = (*both, 0), (*both, 1)
+        return self._pixels(sides[0], 1), self._pixels(sides[1], 1)
 
-    def _focals(self) -> int | None:
-        """Which of ``_FOCALS`` the file has."""
-        return next((n for n, names in enumerate(_FOCALS) if self._key(names[:1])), None)
-
-    def _matrix(self) -> tuple[KeyPath, Array]:
-        return self._numbers(self._needed(_MATRIX))
-
-    def _coefficients(self, names: tuple[str, ...]) -> tuple[KeyPath, Array]:
+    def _coefficients(self, names: Sequence[str]) -> tuple[KeyPath, Array]:
         """Path and numbers (n,) of a list, or of numbers with ``names``, of which any may lack."""
-        if self._key(_COEFFICIENTS) is not None or self._focals() is None:
+        if self._key((*_COEFFICIENTS, *_MATRIX)) is not None:
             return self._numbers(self._needed(_COEFFICIENTS))
-        last = max((k for k, name in enumerate(names) if self._key((name,))), default=-1)
-        known = [name for name in names[: last + 1] if self._key((name,))]
-        path, numbers = self._values(known)
-        values = dict(zip(known, numbers.tolist(), strict=True))
-        return path, np.array([values.get(name, 0.0) for name in names[: last + 1]])
+        last = max((k for k, name in enumerate(names, 1) if name in self._paths), default=0)
+        paths = [self._paths.get(name) for name in names[:last]]
+        return (), np.array([0.0 if path is None else self._number(path) for path in paths])
 
-    def _values(self, names: Sequence[str]) -> tuple[KeyPath, Array]:
-        """Path of the first, and numbers (n,) that have ``names``."""
-        paths = [self._needed((name,)) for name in names]
-        numbers = [self._number(self._document.at(path), path) for path in paths]
-        return paths[0] if paths else (), np.array(numbers)
-
-    def _pixels(self, *names: str) -> int:
-        """The whole number at ``names``, 0 where there is none."""
-        key = self._key(names[:1])
-        value = None if key is None else self._document.at((*key, *names[1:]))
-        if value is None:
-            return 0
-        if not isinstance(value, int) or not 0 <= value <= _MAX_SIDE:
-            raise self._error(f"expected pixels, got {value!r:.40}", (*(key or ()), *names[1:]))
-        return int(value)
-
-    def _side(self, path: KeyPath) -> int:
+    def _pixels(self, path: KeyPath, least: int = 0) -> int:
+        """The whole number at ``path``; 0 where there is none, if that is not too little."""
         value = self._document.at(path)
-        if not isinstance(value, int) or not 1 <= value <= _MAX_SIDE:
-            raise self._error(f"expected pixels, 1 to {_MAX_SIDE}, got {value!r:.40}", path)
+        if not path or (value is None and least == 0):
+            return 0
+        if not isinstance(value, int) or not least <= value <= _MAX_SIDE:
+            raise self._error(f"expected pixels, {least} to {_MAX_SIDE}, got {value!r:.40}", path)
         return int(value)
 
     def _numbers(self, path: KeyPath) -> tuple[KeyPath, Array]:
@@ -302,27 +257,20 @@ class _Reader:
         if not isinstance(value, list):
             raise self._error("expected a list of numbers", path)
         rows = [row if isinstance(row, list) else [row] for row in value]
-        numbers = [self._number(cell, path) for row in rows for cell in row]
-        return path, np.array(numbers)
+        return path, np.array([self._as_number(cell, path) for row in rows for cell in row])
 
-    def _number(self, value: Any, path: KeyPath) -> float:
-        try:
-            number = math.nan if isinstance(value, bool) else float(value)
-        except (TypeError, ValueError, OverflowError):
-            number = math.nan
-        if not math.isfinite(number):
-            raise self._error(f"{value!r:.40} is not a number", path)
-        return number
+    def _number(self, path: KeyPath) -> float:
+        return self._as_number(self._document.at(path), path)
+
+    def _as_number(self, value: Any, path: KeyPath) -> float:
+        with contextlib.suppress(TypeError, ValueError, OverflowError):
+            if not isinstance(value, bool) and math.isfinite(number := float(value)):
+                return number
+        raise self._error(f"{value!r:.40} is not a number", path)
 
     def _key(self, names: Iterable[str]) -> KeyPath | None:
-        """The path of the first of ``names`` that there is, whatever its case."""
-        for place, prefix in self._places:
-            node = self._document.at(place)
-            keys = {key.lower(): key for key in node} if isinstance(node, dict) else {}
-            for name in names:
-                if (prefix + name).lower() in keys:
-                    return (*place, keys[(prefix + name).lower()])
-        return None
+        """The path of the first of ``names`` that there is."""
+        return next((self._paths[name] for name in names if name in self._paths), None)
 
     def _needed(self, names: tuple[str, ...]) -> KeyPath:
         path = self._key(names)

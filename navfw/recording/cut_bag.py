@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import sqlite3
 import struct
@@ -11,7 +12,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from navfw.config.extras import extra_imports
-from navfw.config.input_file import is_file, open_input
+from navfw.config.input_file import is_file
 
 with extra_imports("bags"):
     from lz4.frame import LZ4FrameDecompressor
@@ -33,7 +34,7 @@ _PAGE = 512  # defined
 _MAX_PART = 1 << 28
 """Largest chunk that is unpacked [byte]."""
 _TABLES = ("schema", "metadata", "message_definitions", "topics", "messages")
-"""Tables of rosbag2's SQLite files, that with the most rows last."""
+"""Tables of rosbag2's SQLite files."""
 
 
 def is_unfinished(file: Path) -> bool:
@@ -47,7 +48,6 @@ def mended(path: Path, folder: Path) -> Path | None:
     """A copy in ``folder`` of the intact part of a bag's file; None if it is not cut off.
 
     Raises:
-        ConfigError: the file cannot be read.
         Exception: it is damaged otherwise; of many kinds.
 
     """
@@ -55,37 +55,39 @@ def mended(path: Path, folder: Path) -> Path | None:
     if path.suffix == ".mcap":
         return target if _mend_mcap(path, target) else None
     if path.suffix == ".db3":
-        return target if _mend_db3(path, target, folder / "cut.db3") else None
+        _mend_db3(path, target, folder / "cut.db3")
+        return target
     return None
 
 
 def _mend_mcap(path: Path, target: Path) -> bool:
     """Copy the records of an MCAP file up to the one that is cut, and what that chunk holds."""
-    with open_input(path) as stream, target.open("wb") as out:
-        size = stream.seek(0, 2)
-        stream.seek(max(size - len(_MAGIC), 0))
-        if stream.read() == _MAGIC or stream.seek(0) or stream.read(len(_MAGIC)) != _MAGIC:
+    shutil.copyfile(path, target)
+    with target.open("r+b") as file:
+        file.seek(-len(_MAGIC), os.SEEK_END)
+        if file.read() == _MAGIC:
             return False
-        out.write(_MAGIC)
-        while len(head := stream.read(_HEAD.size)) == _HEAD.size:
-            code, length = _HEAD.unpack(head)
-            if not 0 < code <= _LAST or code == 0x02:
-                break
-            if stream.tell() + length > size:
-                if code == _CHUNK:
-                    out.write(_whole_records(_unpacked(stream.read(_MAX_PART))))
-                break
-            out.write(head)
-            _copy(stream, out, length)
-        out.write(_END)
+        end, chunk = _whole_records(file, len(_MAGIC))
+        for rest in (_unpacked(chunk), _END):
+            file.seek(end)
+            file.write(rest)
+            file.truncate()
+            end, _ = _whole_records(file, end)
     return True
 
 
-def _copy(stream: BinaryIO, out: BinaryIO, length: int) -> None:
-    while length > 0:
-        part = stream.read(min(length, 1 << 20))
-        out.write(part)
-        length -= len(part)
+def _whole_records(file: BinaryIO, end: int) -> tuple[int, bytes]:
+    """Where the whole records behind ``end`` end, and the content of a chunk that is cut there."""
+    size = file.seek(0, os.SEEK_END)
+    file.seek(end)
+    while len(head := file.read(_HEAD.size)) == _HEAD.size:
+        code, length = _HEAD.unpack(head)
+        if not 0 < code <= _LAST or code == 0x02:
+            break
+        if file.tell() + length > size:
+            return end, file.read(_MAX_PART) if code == _CHUNK else b""
+        end = file.seek(length, os.SEEK_CUR)
+    return end, b""
 
 
 def _unpacked(chunk: bytes) -> bytes:
@@ -99,29 +101,18 @@ def _unpacked(chunk: bytes) -> bytes:
     return b""
 
 
-def _whole_records(data: bytes) -> bytes:
-    end = 0
-    while end + _HEAD.size <= len(data):
-        after = end + _HEAD.size + _HEAD.unpack_from(data, end)[1]
-        if after > len(data):
-            break
-        end = after
-    return data[:end]
-
-
-def _mend_db3(path: Path, target: Path, copy: Path) -> bool:
+def _mend_db3(path: Path, target: Path, copy: Path) -> None:
     """Copy the rows of a SQLite file up to the first that is lost, those of its log as well."""
     for ending in ("", "-wal"):
         if is_file(Path(f"{path}{ending}")):
             shutil.copyfile(f"{path}{ending}", f"{copy}{ending}")
     with closing(sqlite3.connect(copy)) as cut, closing(sqlite3.connect(target)) as whole:
         cut.execute("PRAGMA writable_schema=ON")  # otherwise a file that is cut is not opened
-        made = dict(cut.execute("SELECT name, sql FROM sqlite_master WHERE type = 'table'"))
-        for name in (name for name in _TABLES if name in made):
-            whole.execute(made[name])
+        for name in _TABLES:
             with suppress(sqlite3.DatabaseError):
-                for row in cut.execute(f"SELECT * FROM {name}"):  # noqa: S608 - one of _TABLES
-                    marks = ",".join("?" * len(row))
-                    whole.execute(f"INSERT INTO {name} VALUES ({marks})", row)  # noqa: S608
+                rows = cut.execute(f"SELECT * FROM {name}")  # noqa: S608 - one of _TABLES
+                columns = ",".join(f'"{about[0]}"' for about in rows.description)
+                whole.execute(f"CREATE TABLE {name} ({columns})")
+                marks = ",".join("?" * len(rows.description))
+                whole.executemany(f"INSERT INTO {name} VALUES ({marks})", rows)  # noqa: S608
         whole.commit()
-    return True
