@@ -19,12 +19,12 @@ import numpy as np
 
 from navfw.assumption import Assumption
 from navfw.config.extras import extra_imports
-from navfw.config.input_file import is_folder, open_input, shown_path
+from navfw.config.input_file import is_folder, shown_path
 from navfw.errors import ConfigError, NavfwError, UnknownNameError
 from navfw.numerics import Array
 from navfw.process.atomic import scratch_folder
 from navfw.recording.bag_topics import ROLES, info_topics, topics_of
-from navfw.recording.cut_bag import is_unfinished, mended
+from navfw.recording.cut_bag import is_cut, mended
 from navfw.recording.image_messages import is_film, no_picture
 from navfw.recording.ros_messages import message_types
 from navfw.recording.run_folder import bag_files
@@ -91,9 +91,6 @@ class Bag:
         self.notes: list[str] = []
         self.assumed: list[Assumption] = []
         self.info: Any = None
-        if not is_folder(path):
-            with open_input(path):
-                pass
         self._scratch = ExitStack()
         finalize(self, self._scratch.close)
         self._files = [path]
@@ -115,25 +112,26 @@ class Bag:
         frames, mounts = dict[str, str](), StaticFrames()
         roles = {name: role for role, name in self._topics.items() if name} | imus
         for name, received, message in self._messages(*roles):
-            role, header = roles[name], getattr(message, "header", None)
+            role = roles[name]
             if role == "mounts":
                 mounts.add(message)
-                continue
-            if role == "info" and self.info is None:
-                self.info = message
-            numbers = (*ROLES[role][3](message), *[math.nan] * ROLES[role][2])
-            stamp = received
-            if header is not None:  # divided, as a decimal number is read
-                stamp = (10**9 * header.stamp.sec + header.stamp.nanosec - self._begin) / 1e9
-                frames.setdefault(name, header.frame_id.lstrip("/"))
-            rows.setdefault(name, []).append((stamp, received, *numbers[: ROLES[role][2]]))
+            elif role == "info":
+                self.info = self.info or message
+            else:
+                stamp = received
+                if header := getattr(message, "header", None):  # divided, as a decimal is read
+                    stamp = (10**9 * header.stamp.sec + header.stamp.nanosec - self._begin) / 1e9
+                    frames.setdefault(name, header.frame_id.lstrip("/"))
+                row = stamp, received, *ROLES[role].numbers(message)
+                rows.setdefault(name, []).append(row)
         self._choose_gyro(imus, rows)
-        tables = {r: self._table(r, rows.get(self._topics[r], [])) for r in ROLES if r != "mounts"}
-        self._all_images = tables["images"]
+        self._all_images, *others = (
+            self._table(role, rows.get(self._topics[role], []))
+            for role in ("images", "gyro", "odometry", "joints", "commands")
+        )
         self.images = self._all_images[np.isfinite(self._all_images[:, 0])]
         self.gyro, self.odometry, self.joints, self.commands = (
-            np.delete(table[np.isfinite(table[:, 0])], 1, axis=1)
-            for table in (tables[role] for role in ("gyro", "odometry", "joints", "commands"))
+            np.delete(table[np.isfinite(table[:, 0])], 1, axis=1) for table in others
         )
         self.odometry[:, 3] = np.unwrap(self.odometry[:, 3])
         gyro, camera = (
@@ -152,32 +150,24 @@ class Bag:
         .db3 may be in a log.
         """
         files = bag_files(self.path)
+        cut = [file for file in files if not is_folder(file) and is_cut(file)]
         with suppress(ConfigError):
-            if not any(map(is_unfinished, files)):
+            if not cut:
                 with self._opened():
                     return
         if len({re.sub(r"_\d+$", "", file.stem) for file in files}) > 1:
             names = ", ".join(file.name for file in files[:5])
             raise ConfigError(f"holds several recordings: give one of {names}", file=self.file)
-        self._files = [self._intact(file) for file in files]
+        self._files = list(files)
+        for file in cut:
+            with suppress(Exception):  # of many kinds, as it may be no bag
+                copy = mended(file, self._scratch.enter_context(scratch_folder("bag")))
+                self._files[files.index(file)] = copy
+                self.notes.append(f"{file.name} was cut off: what is intact is read")
         with self._opened():
             if files != [self.path]:
                 what = "is missing or wrong, so each file is read by itself"
                 self.notes.append(f"metadata.yaml {what}; ros2 bag reindex writes it")
-
-    def _intact(self, file: Path) -> Path:
-        """The ``file``, or a copy of its intact part if it is cut off."""
-        self._files = [file]
-        with suppress(ConfigError):
-            if not is_unfinished(file):
-                with self._opened():
-                    return file
-        copy = None
-        with suppress(Exception):  # of many kinds, as it may be no bag
-            copy = mended(file, self._scratch.enter_context(scratch_folder("bag")))
-        if copy is not None:
-            self.notes.append(f"{file.name} was cut off: what is intact is read")
-        return copy or file
 
     @property
     def lacking(self) -> dict[str, str]:
@@ -323,7 +313,7 @@ class Bag:
 
     def _table(self, role: str, rows: list[tuple[float, ...]]) -> Array:
         """Times, reception and numbers; nan as time of messages that are unusable."""
-        table = np.array(rows, dtype=np.float64).reshape(-1, 2 + ROLES[role][2])
+        table = np.array(rows, dtype=np.float64).reshape(-1, 2 + ROLES[role].width)
         topic = self._topics[role]
         off = float(np.median(table[:, 1] - table[:, 0])) if rows else 0.0
         if abs(off) > _CLOCKS:
@@ -335,7 +325,7 @@ class Bag:
         numbers = np.isfinite(table[:, 2:])  # a gyro may have one axis
         lost |= ~(numbers.any(axis=1) if role == "gyro" else numbers.all(axis=1))
         table[lost, 0] = math.nan
-        if lost.any() and role != "info":
+        if lost.any():
             what = "not finite, or going back"
             self.notes.append(f"{lost.sum()} of {len(lost)} messages of {topic} left out: {what}")
         return table

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple
 
 
 def turn_rates(message: Any) -> tuple[float, ...]:
-    """The rates (3,) [rad/s] of an ``Imu``; nan alone where it has none."""
+    """The rates (3,) [rad/s] of an ``Imu``; nan where it has none."""
     rates, absent = message.angular_velocity, message.angular_velocity_covariance[0] == -1.0
-    return (math.nan,) if absent else (rates.x, rates.y, rates.z)
+    return (math.nan,) * 3 if absent else (rates.x, rates.y, rates.z)
 
 
 def planar_pose(message: Any) -> tuple[float, ...]:
@@ -18,6 +18,9 @@ def planar_pose(message: Any) -> tuple[float, ...]:
     place, q = message.pose.pose.position, message.pose.pose.orientation
     across = 1.0 - 2.0 * (q.y * q.y + q.z * q.z)
     return place.x, place.y, math.atan2(2.0 * (q.w * q.z + q.x * q.y), across)
+
+
+_TWISTS = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
 
 
 def _turns(message: Any) -> tuple[float, ...]:
@@ -31,21 +34,25 @@ def _command(message: Any) -> tuple[float, ...]:
     return twist.linear.x, twist.angular.z
 
 
-ROLES: Mapping[str, tuple[tuple[str, ...], str, int, Callable[[Any], tuple[float, ...]]]] = {
-    "images": (("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"), "", 0, lambda _: ()),
-    "gyro": (("sensor_msgs/msg/Imu",), "imu", 3, turn_rates),
-    "odometry": (("nav_msgs/msg/Odometry",), "odom", 3, planar_pose),
-    "joints": (("sensor_msgs/msg/JointState",), "joint_states", 2, _turns),
-    "commands": (
-        ("geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"),
-        "cmd_vel",
-        2,
-        _command,
-    ),
-    "info": (("sensor_msgs/msg/CameraInfo",), "camera_info", 0, lambda _: ()),
-    "mounts": (("tf2_msgs/msg/TFMessage",), "tf_static", 0, lambda _: ()),
+class Role(NamedTuple):
+    """Types of messages, the usual end of the topic's name; the ``numbers`` (``width``,) of one."""
+
+    kinds: tuple[str, ...]
+    usual: str
+    numbers: Callable[[Any], tuple[float, ...]] = lambda _: ()
+    width: int = 0
+
+
+ROLES = {
+    "images": Role(("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"), ""),
+    "gyro": Role(("sensor_msgs/msg/Imu",), "imu", turn_rates, 3),
+    "odometry": Role(("nav_msgs/msg/Odometry",), "odom", planar_pose, 3),
+    "joints": Role(("sensor_msgs/msg/JointState",), "joint_states", _turns, 2),
+    "commands": Role(_TWISTS, "cmd_vel", _command, 2),
+    "info": Role(("sensor_msgs/msg/CameraInfo",), "camera_info"),
+    "mounts": Role(("tf2_msgs/msg/TFMessage",), "tf_static"),
 }
-"""Of what is read: types of message, the usual end of a topic's name, and the numbers of each."""
+"""What is read of a bag."""
 
 _TRANSPORTS = {"compressed", "compressedDepth", "theora", "ffmpeg", "zstd"}
 """Last parts of the names of topics that ``image_transport`` makes of that of an image."""
@@ -57,10 +64,10 @@ def topics_of(role: str, counts: Iterable[tuple[str, str, int]]) -> list[str]:
     ``counts`` are name, type and number of messages of each topic.
     """
     kinds, usual, *_ = ROLES[role]
-    known = [
-        (usual not in name.split("/"), -n, name) for name, kind, n in counts if kind in kinds and n
-    ]
-    return [name for *_, name in sorted(known)]
+    known = sorted(
+        (usual not in t.split("/"), -n, t) for t, kind, n in counts if kind in kinds and n
+    )
+    return [name for *_, name in known]
 
 
 def info_topics(images: str) -> tuple[str, str]:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from navfw.config.extras import extra_imports
-from navfw.config.input_file import is_file
+from navfw.config.input_file import is_file, open_input
 
 with extra_imports("bags"):
     from lz4.frame import LZ4FrameDecompressor
@@ -29,23 +29,37 @@ _HEAD = struct.Struct("<BQ")
 """Code and length of a record."""
 _END = _HEAD.pack(0x02, 20) + bytes(20) + _MAGIC
 """The end of a file without an index."""
-_PAGE = 512  # defined
-"""What the sizes of SQLite's pages are multiples of [byte]."""
+_SQLITE = struct.Struct(">16xH10xI")  # defined
+"""The size of a page [byte], 1 for 65536, and the number of pages in the head of SQLite's files."""
 _MAX_PART = 1 << 28
 """Largest chunk that is unpacked [byte]."""
 _TABLES = ("schema", "metadata", "message_definitions", "topics", "messages")
 """Tables of rosbag2's SQLite files."""
 
 
-def is_unfinished(file: Path) -> bool:
-    """Whether a file of SQLite ends within a page, or there is a log of messages beside it."""
-    log = Path(f"{file}-wal")
-    is_short = file.suffix == ".db3" and file.stat().st_size % _PAGE > 0
-    return is_short or (is_file(log) and log.stat().st_size > 0)
+def is_cut(path: Path) -> bool:
+    """Whether a bag's file is shorter than it should be, or there is a log of messages beside it.
+
+    Raises:
+        ConfigError: it cannot be read.
+
+    """
+    log = Path(f"{path}-wal")
+    with open_input(path) as file:
+        head, size = file.read(_SQLITE.size), file.seek(0, os.SEEK_END)
+        if path.suffix == ".mcap":
+            file.seek(-min(len(_MAGIC), size), os.SEEK_END)
+            return head.startswith(_MAGIC) and file.read() != _MAGIC
+    if path.suffix != ".db3" or len(head) < _SQLITE.size:
+        return False
+    page, pages = _SQLITE.unpack(head)
+    return size < (page if page > 1 else 1 << 16) * pages or (
+        is_file(log) and log.stat().st_size > 0
+    )
 
 
-def mended(path: Path, folder: Path) -> Path | None:
-    """A copy in ``folder`` of the intact part of a bag's file; None if it is not cut off.
+def mended(path: Path, folder: Path) -> Path:
+    """A copy in ``folder`` of the intact part of a bag's file that ``is_cut``.
 
     Raises:
         Exception: it is damaged otherwise; of many kinds.
@@ -53,27 +67,22 @@ def mended(path: Path, folder: Path) -> Path | None:
     """
     target = folder / path.name
     if path.suffix == ".mcap":
-        return target if _mend_mcap(path, target) else None
-    if path.suffix == ".db3":
+        _mend_mcap(path, target)
+    else:
         _mend_db3(path, target, folder / "cut.db3")
-        return target
-    return None
+    return target
 
 
-def _mend_mcap(path: Path, target: Path) -> bool:
+def _mend_mcap(path: Path, target: Path) -> None:
     """Copy the records of an MCAP file up to the one that is cut, and what that chunk holds."""
     shutil.copyfile(path, target)
     with target.open("r+b") as file:
-        file.seek(-len(_MAGIC), os.SEEK_END)
-        if file.read() == _MAGIC:
-            return False
         end, chunk = _whole_records(file, len(_MAGIC))
         for rest in (_unpacked(chunk), _END):
             file.seek(end)
             file.write(rest)
             file.truncate()
             end, _ = _whole_records(file, end)
-    return True
 
 
 def _whole_records(file: BinaryIO, end: int) -> tuple[int, bytes]:

@@ -14,30 +14,25 @@ from navfw.numerics import Image
 
 BITS = (8, 10, 12, 14, 16)
 """Numbers of bits of cameras' converters; files keep all beyond 8 in 16 bits."""
-_ENCODINGS: dict[str, tuple[int, int | None]] = {
-    **dict.fromkeys(("mono8", "8UC1"), (1, cv2.COLOR_GRAY2BGR)),
-    **dict.fromkeys(("bgr8", "8UC3"), (3, None)),
-    "rgb8": (3, cv2.COLOR_RGB2BGR),
-    **dict.fromkeys(("bgra8", "8UC4"), (4, cv2.COLOR_BGRA2BGR)),
-    "rgba8": (4, cv2.COLOR_RGBA2BGR),
-    "bayer_rggb8": (1, cv2.COLOR_BayerRGGB2BGR),
-    "bayer_bggr8": (1, cv2.COLOR_BayerBGGR2BGR),
-    "bayer_gbrg8": (1, cv2.COLOR_BayerGBRG2BGR),
-    "bayer_grbg8": (1, cv2.COLOR_BayerGRBG2BGR),
+_GREY = cv2.COLOR_GRAY2BGR
+_ENCODINGS: dict[str, tuple[int, int | None, int | None]] = {
+    **dict.fromkeys(("mono8", "8UC1", "mono16"), (1, 0, _GREY)),
+    **dict.fromkeys(("nv12", "nv21", "nv24", "i420"), (1, 0, _GREY)),  # colour follows the rows
+    **dict.fromkeys(("yuyv", "yuv422_yuy2"), (2, 0, _GREY)),
+    **dict.fromkeys(("uyvy", "yuv422"), (2, 1, _GREY)),
+    **dict.fromkeys(("bgr8", "8UC3", "bgr16", "16UC3"), (3, None, None)),
+    **dict.fromkeys(("rgb8", "rgb16"), (3, None, cv2.COLOR_RGB2BGR)),
+    **dict.fromkeys(("bgra8", "8UC4", "bgra16", "16UC4"), (4, None, cv2.COLOR_BGRA2BGR)),
+    **dict.fromkeys(("rgba8", "rgba16"), (4, None, cv2.COLOR_RGBA2BGR)),
+    **dict.fromkeys(("bayer_rggb8", "bayer_rggb16"), (1, 0, cv2.COLOR_BayerRGGB2BGR)),
+    **dict.fromkeys(("bayer_bggr8", "bayer_bggr16"), (1, 0, cv2.COLOR_BayerBGGR2BGR)),
+    **dict.fromkeys(("bayer_gbrg8", "bayer_gbrg16"), (1, 0, cv2.COLOR_BayerGBRG2BGR)),
+    **dict.fromkeys(("bayer_grbg8", "bayer_grbg16"), (1, 0, cv2.COLOR_BayerGRBG2BGR)),
 }
-"""Channels of each encoding of 8 bits, and OpenCV's conversion to BGR."""
-_DEEP = {
-    "16UC3" if name == "8UC3" else "16UC4" if name == "8UC4" else f"{name[:-1]}16": coded
-    for name, coded in _ENCODINGS.items()
-    if name != "8UC1"
-}
-"""The same with 16 bits; 16UC1 is depth."""
-_LUMINANCE = {
-    **dict.fromkeys(("yuyv", "yuv422_yuy2"), (2, 0)),
-    **dict.fromkeys(("uyvy", "yuv422"), (2, 1)),
-    **dict.fromkeys(("nv12", "nv21", "nv24", "i420"), (1, 0)),
-}
-"""Bytes of a pixel, and which of them is its luminance; what follows its rows is colour."""
+"""Numbers of a pixel, which of them counts if not all, and OpenCV's conversion to BGR.
+
+16UC1 is depth; of YUV the luminance counts.
+"""
 _DISTANCES = re.compile(r"compressedDepth|(16U|16S|32S|32F|64F)C[12]?(?!\w)")
 _COLOURED = re.compile(r"rgb|bgr|bayer|yuv|yuyv|uyvy|nv\d|8UC[34]|16UC[34]")
 _SIDE_CAMERA = re.compile(r"depth|disparity|infra|(?:^|[/_])ir\d*(?:$|[/_])", re.IGNORECASE)
@@ -82,25 +77,21 @@ def deep_image(message: Any, name: str) -> Any:
     """The image as ``ros_image``, with its 8 or 16 bits; of YUV the luminance."""
     if hasattr(message, "format"):
         return np.asarray(decode_image(bytes(message.data), name), dtype=np.uint8)
-    coding = message.encoding
-    known = _ENCODINGS | _DEEP
-    if coding not in known | _LUMINANCE:
-        hint = did_you_mean(coding, known | _LUMINANCE)
+    coding, is_deep = message.encoding, "16" in message.encoding
+    if coding not in _ENCODINGS:
+        hint = did_you_mean(coding, _ENCODINGS)
         raise ConfigError(f"unknown encoding {coding!r:.40}: {hint}", file=name)
-    channels = known[coding][0] if coding in known else _LUMINANCE[coding][0]
+    channels, part, conversion = _ENCODINGS[coding]
     height, width, step = message.height, message.width, message.step
-    row = channels * width * (2 if coding in _DEEP else 1)
+    row = channels * width * (2 if is_deep else 1)
     data = np.asarray(message.data, dtype=np.uint8)
     fits = 0 < width * height <= MAX_PIXELS
     if not (fits and row <= step and step * height <= data.size):
         what = f"has {data.size} bytes in rows of {step} for {width} x {height} pixels"
         raise ConfigError(f"the image {what} of {coding}", file=name)
     rows = np.ascontiguousarray(data[: step * height].reshape(height, step)[:, :row])
-    if coding in _DEEP:
+    if is_deep:
         rows = rows.view(">u2" if message.is_bigendian else "<u2").astype(np.uint16)
-    image = rows.reshape((height, width, channels)[: 2 + (channels > 1)])
-    if coding in _LUMINANCE:
-        image = image[..., _LUMINANCE[coding][1]] if channels > 1 else image
-        return cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_GRAY2BGR)
-    conversion = known[coding][1]
+    image = rows.reshape(height, width, channels)
+    image = image if part is None else np.ascontiguousarray(image[..., part])
     return image if conversion is None else cv2.cvtColor(image, conversion)
