@@ -207,9 +207,8 @@ class _Files(ImageSource):
             deep = (sample for sample in self._samples() if sample.dtype == np.uint16)
             brightest = max(int(sample.max()) for sample in (image, *deep))
             self._bits = next(bits for bits in BITS if brightest < 1 << bits)
-            self.notes.append(
-                f"images of 16 bits with values up to {brightest}: taken as {self._bits} bits"
-            )
+            what = f"images of 16 bits with values up to {brightest}"
+            self.notes.append(f"{what}: taken as {self._bits} bits")
         white = (1 << self._bits) - 1
         self._brighter += int(image.max()) > white
         return np.asarray(np.minimum(image, white) >> (self._bits - 8), dtype=np.uint8)
@@ -229,19 +228,13 @@ class _Video(ImageSource):
         self, path: Path, fps: float | None, calibration: CameraCalibration | None
     ) -> None:
         self._path, self._fps = path, fps
-        with (
-            open_input(path),
-            tempfile.TemporaryFile() as said,
-            redirected(said.fileno(), 2),
-        ):
+        with open_input(path), tempfile.TemporaryFile() as f, redirected(f.fileno(), 2):
             self._capture = cv2.VideoCapture(str(path), cv2.CAP_ANY, _ONE_THREAD)
         width, height = (self._capture.get(side) for side in _FRAME_SIZE)
         if not (self._capture.isOpened() and width * height > 0.0):
-            raise InputError(
-                "is not a readable video or image; if the recording was cut off, its index is "
-                "missing: copy it again, or save it as .mp4 with another program",
-                file=shown_path(path),
-            )
+            what = "is not a readable video or image; if the recording was cut off, its index is"
+            how = "missing: copy it again, or save it as .mp4 with another program"
+            raise InputError(f"{what} {how}", file=shown_path(path))
         if width * height > MAX_PIXELS:
             what = f"the video's frames are too large: {width:.0f} x {height:.0f} pixels"
             raise InputError(f"{what}, at most {MAX_PIXELS}", file=shown_path(path))
@@ -286,15 +279,12 @@ class _Video(ImageSource):
         if count == 0:
             raise InputError("is a video without a readable frame", file=shown_path(self._path))
         if self.total > count + _FEW_FRAMES:
-            self.notes.append(
-                f"the video ends early: only {count} of {self.total} frames could be read, "
-                f"its first {last:.1f} s are used"
-            )
+            what = f"only {count} of {self.total} frames could be read"
+            self.notes.append(f"the video ends early: {what}, its first {last:.1f} s are used")
         if damaged:
-            what = (
-                f"the video is damaged: its decoder met errors at {len(damaged)} of {count} frames"
-            )
-            self.notes.append(f"{what}, from {damaged[0]:.1f} s on; its images may be wrong there")
+            what = f"its decoder met errors at {len(damaged)} of {count} frames"
+            where = f"from {damaged[0]:.1f} s on; its images may be wrong there"
+            self.notes.append(f"the video is damaged: {what}, {where}")
 
     def _time(self, count: int, stamp: float, last: float) -> float:
         """Time [s] of frame ``count``; by the rate if it was given or the ``stamp`` is of no use.
@@ -339,19 +329,15 @@ def open_source(
             raise no_such_file(path)
     if len(paths) == 1 and is_folder(paths[0]):
         return _Files(_images_in(paths[0]), fps, calibration, listed, f"the folder {paths[0]}")
-    for path in paths:
-        if is_folder(path):
-            raise InputError("give one folder, or image files, not both", file=path)
     if len(paths) == 1 and paths[0].suffix.lower() not in IMAGES:
         if listed is not None:
             raise InputError("is for image files; a video has its own times", key="--times")
         return _Video(paths[0], fps, calibration)
     for path in paths:
-        if path.suffix.lower() in _VIDEOS:
-            raise InputError("give one video, or image files, not both", file=path)
-    ordered = list(paths)
-    if ordered == sorted(ordered):
-        ordered.sort(key=natural_key)
+        if is_folder(path) or path.suffix.lower() in _VIDEOS:
+            what = "folder" if is_folder(path) else "video"
+            raise InputError(f"give one {what}, or image files, not both", file=path)
+    ordered = sorted(paths, key=natural_key) if [*paths] == sorted(paths) else list(paths)
     require_order(ordered)
     named = str(paths[0]) if len(paths) == 1 else "the list of files"
     return _Files(ordered, fps, calibration, listed, named)

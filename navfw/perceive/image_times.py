@@ -13,7 +13,7 @@ import numpy as np
 
 from navfw.assumption import Assumption
 from navfw.config.input_file import shown_path
-from navfw.errors import InputError
+from navfw.errors import InputError, locating
 from navfw.numerics import Array
 from navfw.perceive.timed_table import TIME, TIME_NAMES, TableFormat, TimedTable, epoch_unit
 
@@ -24,7 +24,6 @@ _LIST = TableFormat(
     names=TIME_NAMES | dict.fromkeys(("file", "filename", "file_name", "image", "name"), _FILE),
     text=_FILE,
 )
-_OPTION = "--times"
 _STAMP = re.compile(
     r"(?<![0-9.])(?:(?P<sec>[1-9][0-9]{9})[_-](?P<nsec>[0-9]{9})|(?P<decimal>[0-9]{1,12}\.[0-9]+)"
     r"|(?P<whole>[1-9][0-9]{9,18}))(?![0-9])"
@@ -56,28 +55,21 @@ class ImageTimes:
                 the images are not in the order of time.
 
         """
-        if not self.by_name:
-            if len(self.times) != len(paths):
-                raise self._error(
-                    f"has {len(self.times)} times for {len(paths)} images; add a column 'file' if "
-                    "some images are missing"
-                )
-            return list(self.times)
-        missing = [path.name for path in paths if path.name not in self.by_name]
-        if missing:
-            raise self._error(
-                f"has no time of {len(missing)} of {len(paths)} images, such as {missing[0]}"
-            )
-        times = [self.by_name[path.name] for path in paths]
-        if (k := _first_step_back(times)) is not None:
-            raise self._error(
-                f"{paths[k].name} was not taken after {paths[k - 1].name}; give the images in "
-                "the order of time"
-            )
-        return times
-
-    def _error(self, message: str) -> InputError:
-        return InputError(message, file=self.file, key=_OPTION)
+        with locating(file=self.file, key="--times"):
+            if not self.by_name:
+                if len(self.times) == len(paths):
+                    return list(self.times)
+                what = f"has {len(self.times)} times for {len(paths)} images"
+                raise InputError(f"{what}; add a column 'file' if some images are missing")
+            missing = [path.name for path in paths if path.name not in self.by_name]
+            if missing:
+                what = f"has no time of {len(missing)} of {len(paths)} images"
+                raise InputError(f"{what}, such as {missing[0]}")
+            times = [self.by_name[path.name] for path in paths]
+            if (k := _first_step_back(times)) is not None:
+                what = f"{paths[k].name} was not taken after {paths[k - 1].name}"
+                raise InputError(f"{what}; give the images in the order of time")
+            return times
 
 
 def load_image_times(path: Path) -> ImageTimes:
@@ -141,21 +133,18 @@ def times_in_names(paths: Sequence[Path]) -> list[float] | None:
     else:
         times = [float(re.sub(r"[_-]", ".", stamp[0])) for stamp in stamps]
     if (k := _first_step_back(times)) is not None:
-        raise InputError(
-            f"its time stamp does not come after that of {paths[k - 1].name}; give the images "
-            "in the order of time, or --fps to take them backward",
-            file=shown_path(paths[k]),
-        )
+        what = f"its time stamp does not come after that of {paths[k - 1].name}"
+        how = "give the images in the order of time, or --fps to take them backward"
+        raise InputError(f"{what}; {how}", file=shown_path(paths[k]))
     return times
 
 
 def _usual_unit(numbers: Array) -> float | None:
     """The unit [s] in which ``numbers`` (n,) are times of images since power-on, if any."""
     interval = float(np.median(np.diff(numbers)))
-    for unit in (1e-3, 1e-6, 1e-9):
-        if _INTERVALS[0] <= interval * unit < _INTERVALS[1] and numbers.max() * unit < _UPTIME:
-            return unit
-    return None
+    units = (1e-3, 1e-6, 1e-9)
+    usual = (u for u in units if _INTERVALS[0] <= interval * u < _INTERVALS[1])
+    return next((unit for unit in usual if numbers.max() * unit < _UPTIME), None)
 
 
 def require_order(paths: Sequence[Path]) -> None:
@@ -173,11 +162,9 @@ def require_order(paths: Sequence[Path]) -> None:
     if keys in (sorted(keys), sorted(keys, reverse=True)):
         return
     k = next(k for k in range(1, len(keys)) if keys[k] < keys[k - 1])
-    raise InputError(
-        f"comes after {paths[k - 1].name}: the images are neither in the order of their numbers "
-        "nor in the reverse; sort them, or give their folder",
-        file=shown_path(paths[k]),
-    )
+    what = "the images are neither in the order of their numbers nor in the reverse"
+    how = f"comes after {paths[k - 1].name}: {what}; sort them, or give their folder"
+    raise InputError(how, file=shown_path(paths[k]))
 
 
 def _first_step_back(times: Sequence[float]) -> int | None:

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from navfw.assumption import Assumption
-from navfw.errors import InputError
+from navfw.errors import InputError, locating
 from navfw.numerics import Array
 from navfw.perceive.image_sources import ImageSource
 from navfw.perceive.timed_table import LENGTH_UNITS, TIME, TIME_NAMES, TableFormat, TimedTable
@@ -124,10 +124,8 @@ class MotionRecord(ABC):
             return None
         low = int(np.searchsorted(self.times, min(max(begin, first), last), side="right")) - 1
         low = min(low, self.times.size - 2)
-        high = max(
-            int(np.searchsorted(self.times, min(max(end, first), last), side="left")), low + 1
-        )
-        span = slice(low, high + 1)
+        high = int(np.searchsorted(self.times, min(max(end, first), last), side="left"))
+        span = slice(low, max(high, low + 1) + 1)
         return span if float(np.diff(self.times[span]).max()) <= self.longest_gap else None
 
     def on_clock_of(self, images: ImageSource) -> Self:
@@ -143,23 +141,19 @@ class MotionRecord(ABC):
         """
         first, last = float(self.times[0]), float(self.times[-1])
         start, duration = images.start, min(images.duration, _MAX_RECORDING)
-        offset, problem = 0.0, ""
-        if start is not None and first < start + duration and last > start:
-            offset = start
-        elif not (first < duration and last > 0.0):
-            clock = "" if start is None else f" ({start:.2f} to {start + duration:.2f} s on theirs)"
-            problem = (
-                f"expected readings within the time of the images, 0 to {duration:.2f} s{clock}; "
-                f"got {first:.2f} to {last:.2f} s. Count times from the first image, or give those "
-                "of the images by their names or --times"
-            )
-        if not problem and not images.rate_known:
-            problem = (
-                "the times of the images are not known, so readings cannot be assigned to them; "
-                "give --fps or --times"
-            )
-        if problem:
-            raise InputError(problem, file=self.file, key=self.option)
+        with locating(file=self.file, key=self.option):
+            offset = 0.0
+            if start is not None and first < start + duration and last > start:
+                offset = start
+            elif not (first < duration and last > 0.0):
+                on = start or 0.0
+                theirs = f"{duration:.2f} s ({on:.2f} to {on + duration:.2f} s on their clock)"
+                what = f"expected readings within the time of the images, 0 to {theirs}"
+                how = "Count times from the first image, or give those of the images by their names"
+                raise InputError(f"{what}; got {first:.2f} to {last:.2f} s. {how} or --times")
+            if not images.rate_known:
+                what = "the times of the images are not known, so readings cannot be assigned"
+                raise InputError(f"{what} to them; give --fps or --times")
         return replace(self, times=self.times - offset) if offset else self
 
 
@@ -195,11 +189,8 @@ class GyroRecord(MotionRecord):
             return None
         inside = self.times[(self.times > begin) & (self.times < end)]
         knots = np.concatenate([[begin], inside, [end]])
-        rates = np.stack(
-            [np.interp(knots, self.times, self.rates[:, axis]) for axis in range(3)], axis=1
-        )
-        middle = 0.5 * (rates[1:] + rates[:-1])
-        return np.asarray((middle * np.diff(knots)[:, None]).sum(axis=0))
+        rates = np.stack([np.interp(knots, self.times, rate) for rate in self.rates.T])
+        return np.asarray(np.trapezoid(rates, knots))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -253,11 +244,9 @@ class PoseRecord(MotionRecord):
         if span is None:
             return None
         moments = np.clip(np.array(wanted), self.times[0], self.times[-1])
-        places = np.stack(
-            [np.interp(moments, self.times[span], self.places[span, k]) for k in range(3)], axis=1
-        )
+        ways = [np.interp(moments, self.times[span], along) for along in self.places[span].T]
         turns = Slerp(self.times[span], Rotation.from_quat(self.quaternions[span]))(moments)
-        return places, turns
+        return np.stack(ways, axis=1), turns
 
 
 def load_gyro_record(path: Path, axes: Array | None = None) -> GyroRecord:
@@ -282,11 +271,11 @@ def load_gyro_record(path: Path, axes: Array | None = None) -> GyroRecord:
     fastest = np.abs(samples[:, 1:]).max(axis=1)
     is_usable = np.isfinite(samples).all(axis=1)
     for k in np.flatnonzero(is_usable & (fastest > _MAX_RATE)).tolist():
-        raise table.error(
-            f"a rate of {fastest[k]:g} rad/s is above {_MAX_RATE:g}; are these degrees per "
-            "second? Name the unit in the header: yaw_rate_deg_s, or yaw_rate [mdeg/s]",
-            table.lines[k],
+        what = (
+            f"a rate of {fastest[k]:g} rad/s is above {_MAX_RATE:g}; are these degrees per second"
         )
+        how = "Name the unit in the header: yaw_rate_deg_s, or yaw_rate [mdeg/s]"
+        raise table.error(f"{what}? {how}", table.lines[k])
     usable = samples[is_usable]
     times = usable[:, 0]
     interval = table.interval(times, "gyro sample")
@@ -323,17 +312,15 @@ def load_pose_record(path: Path, pitch: float = 0.0, axes: Array | None = None) 
             raise table.error("expected finite numbers, positions in metres", line)
         norm = math.hypot(*pose[4:])
         if not _NORM[0] <= norm <= _NORM[1]:
-            raise table.error(
-                f"qx qy qz qw have the norm {norm:.3g}, not 1; expected the order x, y, z, w", line
-            )
+            what = f"qx qy qz qw have the norm {norm:.3g}, not 1"
+            raise table.error(f"{what}; expected the order x, y, z, w", line)
     times, places = poses[:, 0], poses[:, 1:4]
     interval = table.interval(times, "pose")
     steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
     speed = float(np.median(steps / np.diff(times)))
     if speed > _MAX_SPEED:
-        raise table.error(
-            f"the camera moves at {speed:.0f} m/s; expected positions in metres, not millimetres"
-        )
+        what = f"the camera moves at {speed:.0f} m/s"
+        raise table.error(f"{what}; expected positions in metres, not millimetres")
     assumed = list(table.assumed)
     if axes is None and table.names & {f"{kind}_x" for kind in _EUROC}:
         reason = "its columns are those of EuRoC, whose poses are of the IMU"

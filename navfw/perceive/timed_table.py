@@ -7,8 +7,8 @@ rates, such as ``time_ms`` or ``yaw_rate [deg/s]``.
 
 from __future__ import annotations
 
+import contextlib
 import csv
-import difflib
 import itertools
 import math
 import re
@@ -21,7 +21,7 @@ import numpy as np
 
 from navfw.assumption import Assumption
 from navfw.config.input_file import read_input_text, shown_path
-from navfw.errors import InputError, did_you_mean
+from navfw.errors import InputError
 from navfw.numerics import Array
 
 TIME = "time"
@@ -109,8 +109,17 @@ class TimedTable:
         else:
             columns = self._by_header(line, [cells[0].lstrip("#"), *cells[1:]])
             del rows[0]
-        self.lines = [line for line, _ in rows]
-        self._fill(rows, columns)
+        for line, cells in rows:
+            self.lines.append(line)
+            if len(cells) != len(columns):
+                names = ", ".join(column[0] for column in columns if column is not None)
+                raise self.error(f"has {len(cells)} values, not {len(columns)} ({names})", line)
+        for k, column in enumerate(columns):
+            if column is not None and column[0] == kind.text:
+                self.texts = self.texts or [cells[k] for _, cells in rows]
+            elif column is not None:
+                numbers = [self._number(line, column[0], cells[k]) for line, cells in rows]
+                self.numbers[column[0]] = column[1] * np.array(numbers)
         self._find_unit()
         self._check_order()
 
@@ -138,23 +147,6 @@ class TimedTable:
                 "another unit, name it in the header: time_ms, time_us or time_ns"
             )
         return interval
-
-    def _fill(
-        self, rows: Sequence[tuple[int, list[str]]], columns: Sequence[_TimedColumn | None]
-    ) -> None:
-        for line, cells in rows:
-            if len(cells) != len(columns):
-                names = ", ".join(column[0] for column in columns if column is not None)
-                raise self.error(f"has {len(cells)} values, not {len(columns)} ({names})", line)
-        for k, column in enumerate(columns):
-            if column is None:
-                continue
-            name, unit = column
-            if name == self._kind.text:
-                self.texts = self.texts or [cells[k] for _, cells in rows]
-            else:
-                numbers = [self._number(line, name, cells[k]) for line, cells in rows]
-                self.numbers[name] = unit * np.array(numbers)
 
     def _is_header(self, cells: Sequence[str], below: Sequence[tuple[int, list[str]]]) -> bool:
         """Whether a comment names the columns of the table ``below`` it, as EuRoC's do."""
@@ -217,31 +209,24 @@ class TimedTable:
         return [*used, *[None] * (count - len(used))]
 
     def _by_header(self, line: int, header: Sequence[str]) -> list[_TimedColumn | None]:
-        written = {_name_and_unit(word)[0] for word in header}
-        columns = [self._named(line, word, written) for word in header]
+        columns = [self._named(line, word) for word in header]
         self.unused = [word for word, one in zip(header, columns, strict=True) if one is None]
         names = [column[0] for column in columns if column is not None]
         for name in self._kind.columns[: self._kind.needed]:
             if name not in names:
-                raise self.error(f"has no column {name!r}; name the one that holds it so", line)
+                hint = "; name the one that holds it so"
+                raise self.error(f"has no column {name!r} in {', '.join(header)}{hint}", line)
         for name in names:
             if names.count(name) > 1 and name != self._kind.text:
                 raise self.error(f"has several columns of {name!r}; keep one", line)
         return columns
 
-    def _named(self, line: int, word: str, all_: set[str]) -> _TimedColumn | None:
-        """The column with the name ``word`` in the header; None for another quantity.
-
-        A name that is nearly that of a column is wrong, unless one of ``all_`` has that name.
-        """
+    def _named(self, line: int, word: str) -> _TimedColumn | None:
+        """The column with the name ``word`` in the header; None for another quantity."""
         written, unit = _name_and_unit(word)
         self.names.add(written)
         name = self._kind.names.get(written)
         if name is None:
-            near = difflib.get_close_matches(written, self._kind.names, n=1, cutoff=0.75)
-            if near and not self._kind.text and not set(near) & all_:
-                hint = did_you_mean(written, self._kind.names)
-                raise self.error(f"unknown column {word!r}: {hint}", line)
             return None
         units = _TIME_UNITS if name == TIME else self._kind.units
         self.unit_named |= name == TIME and bool(unit)
@@ -281,8 +266,7 @@ def _is_comment(row: tuple[int, list[str]]) -> bool:
 
 
 def _is_number(cell: str) -> bool:
-    try:
+    with contextlib.suppress(ValueError):
         float(cell)
-    except ValueError:
-        return False
-    return True
+        return True
+    return False
