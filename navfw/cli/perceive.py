@@ -6,10 +6,10 @@ import contextlib
 import math
 import re
 from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -28,11 +28,10 @@ if TYPE_CHECKING:
     from navfw.perceive.lens_estimate import LensEstimate
     from navfw.perceive.motion_record import MotionRecord
     from navfw.perceive.pair_result import PairResult
+    from navfw.perceive.perceiver import Perceiver
     from navfw.perceive.perceiver_options import PerceiverOptions
     from navfw.recording import Bag
     from navfw.report.report_page import PerceivePage
-
-    Assessed: TypeAlias = tuple[PairResult, list[Assumption]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,6 +141,12 @@ class PerceiveOptions:
     quiet: Quiet = False
 
 
+_MOTION = "gyro", "poses", "fps"
+_INSTEAD = {"times": ("times", "fps"), "gyro": _MOTION, "poses": _MOTION}
+_INSTEAD["calibration"] = "calibration", "hfov"
+"""The options by which the files of a bag are not used."""
+
+
 @from_options
 def perceive(options: PerceiveOptions) -> None:
     """Run perception on recorded images. Lists obstacles, distances and the situation."""
@@ -158,13 +163,10 @@ def perceive(options: PerceiveOptions) -> None:
             bag = Bag(options.source[0], options.topic, options.imu_axes)
             pitch = math.radians(options.pitch or 0.0)
             tables: dict[str, Any] = dict(stack.enter_context(unpacked_bag(bag, pitch)))
-        values = {field.name: getattr(options, field.name) for field in fields(options)}
-        chosen = {name for name, value in values.items() if value is not None}
-        chosen |= {"times"} if "fps" in chosen else set()
-        chosen |= {"gyro", "poses"} if chosen & {"gyro", "poses", "fps"} else set()
-        chosen |= {"calibration"} if "hfov" in chosen else set()
         images = [tables.pop("source")]
-        tables = {name: file for name, file in tables.items() if name not in chosen}
+        for own, others in _INSTEAD.items():
+            if any(getattr(options, name) is not None for name in others):
+                tables.pop(own, None)
         with locating(file=bag.file):
             _perceive(replace(options, source=images, topic=None, **tables), bag, tables.keys())
     for note in bag.notes:
@@ -180,7 +182,9 @@ def _perceive(given: PerceiveOptions, bag: Bag | None = None, own: Collection[st
         from navfw.perceive.image_sources import open_source
         from navfw.perceive.image_times import load_image_times
         from navfw.perceive.pair_result import as_data
+        from navfw.perceive.perceiver import Perceiver
         from navfw.perceive.perceiver_options import PerceiverOptions
+        from navfw.plugins import default_registry
 
         for one, other in (("hfov", "calibration"), ("fps", "times"), ("gyro", "poses")):
             if getattr(given, one) is not None and getattr(given, other) is not None:
@@ -204,46 +208,37 @@ def _perceive(given: PerceiveOptions, bag: Bag | None = None, own: Collection[st
             if "poses" not in own:
                 options = _compared(options, opened(calibration), given, before, bar)
             images = opened(calibration)
-        counter = _ResultCounter(images.total, bar)
-        drawn = None
+            perceiver, page = Perceiver(options, images, default_registry()), None
+        counter = _ResultCounter(perceiver, bar, [] if bag is None else bag.assumed)
         if given.page is not None:
             from navfw.report.report_page import PerceivePage
 
-            drawn = PerceivePage(f"Perceived: {given.source[0]}")
-        results = _results(options, images, given.overlay, drawn)
-        with contextlib.closing(results):
-            shown = counter.counted(quietly(results), [] if bag is None else bag.assumed)
+            page = PerceivePage(f"Perceived: {given.source[0]}")
+        with contextlib.closing(_results(perceiver, given.overlay, page)) as results:
+            shown = counter.counted(quietly(results))
             if given.json:
                 estimated = None if lens is None else lens.as_data()
-                print_json_list(
-                    {
-                        **as_data(result),
-                        "assumed": [one.as_data() for one in assumed],
-                        "estimated": estimated,
-                    }
-                    for result, assumed in shown
-                )
+                own_data = (counter.as_data() | as_data(result) for result in shown)
+                print_json_list(data | {"estimated": estimated} for data in own_data)
             else:
                 _print(shown, lens, given.overlay)
-    notes = [*counter.notes(options), *images.notes]
+    notes = [*counter.notes(), *images.notes]
     for note in notes:
         echo(f"note: {note}", err=True)
-    if given.page is not None and drawn is not None:
+    if given.page is not None and page is not None:
         assumed = (f"assumed: {one}" for one in counter.assumed)
-        write_text(given.page, drawn.render([*assumed, *notes]))
+        write_text(given.page, page.render([*assumed, *notes]))
 
 
-def _print(results: Iterable[Assessed], lens: LensEstimate | None, overlay: Path | None) -> None:
+def _print(results: Iterable[PairResult], lens: LensEstimate | None, overlay: Path | None) -> None:
     from navfw.perceive.lens_estimate import estimate_line
     from navfw.perceive.pair_result import as_line
 
-    header = True
-    for result, _ in results:
-        if header:
-            if lens is not None:
-                echo(estimate_line(lens))
+    for number, result in enumerate(results):
+        if number == 0 and lens is not None:
+            echo(estimate_line(lens))
+        if number == 0:
             echo("    time    sure  contact  perceived")
-        header = False
         echo(as_line(result))
     if overlay is not None:
         echo(f"drawn to {overlay}")
@@ -267,27 +262,23 @@ def _lens(
 
 
 def _results(
-    options: PerceiverOptions, images: ImageSource, overlay: Path | None, page: PerceivePage | None
-) -> Generator[Assessed]:
-    """The result of each pair of images and what it assumes; drawn to ``overlay``, ``page``."""
+    perceiver: Perceiver, overlay: Path | None, page: PerceivePage | None
+) -> Generator[PairResult]:
+    """The result of each pair of images; drawn to ``overlay`` and ``page``."""
     from navfw.perceive.overlay import draw, open_output
     from navfw.perceive.pair_result import as_data
-    from navfw.perceive.perceiver import Perceiver
-    from navfw.perceive.perceiver_options import assumptions
-    from navfw.plugins import default_registry
 
-    perceiver = Perceiver(options, images, default_registry())
     nothing = contextlib.nullcontext(None)
-    with nothing if overlay is None else open_output(overlay, images) as output:
+    with nothing if overlay is None else open_output(overlay, perceiver.source) as output:
         for item, result in perceiver.results():
-            assert perceiver.size is not None  # noqa: S101 - known from the first image on
             if output is not None or page is not None:
+                assert perceiver.size is not None  # noqa: S101 - known from the first image on
                 picture = draw(item.image, result, perceiver.size)
             if output is not None:
                 output.add(picture)
             if page is not None:
                 page.add(picture, as_data(result))
-            yield result, assumptions(options, images, perceiver.size)
+            yield result
 
 
 def _motion_record(
@@ -328,46 +319,46 @@ def _compared(
 
 
 class _ResultCounter:
-    """Counts results as they pass, and shows on ``bar`` how many of ``total`` images are done."""
+    """Counts results of ``perceiver`` as they pass, and shows on ``bar`` how many are done.
 
-    def __init__(self, total: int, bar: ProgressBar) -> None:
-        self._total = total
+    With the first, what is ``assumed`` is printed, what was ``known`` before included.
+    """
+
+    def __init__(self, perceiver: Perceiver, bar: ProgressBar, known: Sequence[Assumption]) -> None:
+        self._perceiver, self._bar, self.assumed = perceiver, bar, known
         self._pairs = self._metric = self._unmeasured = self._unknown = 0
-        self._bar = bar
-        self.assumed: list[Assumption] = []
 
-    def counted(
-        self, results: Iterable[Assessed], known: Sequence[Assumption]
-    ) -> Iterator[Assessed]:
-        """The ``results``, with what was ``known`` to be assumed before; the first prints all."""
-        for result, others in results:
-            said = {one.what for one in others}
-            assumed = [*(one for one in known if one.what not in said), *others]
+    def counted(self, results: Iterable[PairResult]) -> Iterator[PairResult]:
+        for result in results:
             if not self._pairs:
-                self.assumed = assumed
-                print_assumed(assumed)
+                size = self._perceiver.size
+                assert size is not None  # noqa: S101 - known from the first image on
+                others = self._perceiver.options.assumptions(self._perceiver.source, size)
+                said = {one.what for one in others}
+                self.assumed = [*(one for one in self.assumed if one.what not in said), *others]
+                print_assumed(self.assumed)
             self._pairs += 1
             self._metric += result.scale.metric
             self._unmeasured += result.motion.turn_source == "flow"
             self._unknown += not result.known
-            self._bar.show_part("images", self._pairs + 1, self._total)
-            yield result, assumed
+            self._bar.show_part("images", self._pairs + 1, self._perceiver.source.total)
+            yield result
 
-    def notes(self, options: PerceiverOptions) -> list[str]:
+    def as_data(self) -> dict[str, Any]:
+        return {"assumed": [one.as_data() for one in self.assumed]}
+
+    def notes(self) -> list[str]:
         """Remarks on the assumptions behind the results, and on gaps."""
-        notes = []
+        notes, options = [], self._perceiver.options
         if not options.speed and not self._metric:
             zero = "--speed 0 is taken as unknown" if options.speed == 0.0 else "no --speed given"
-            notes.append(
-                f"{zero}: near, middle and far refer to the time to contact; no distances in metres"
-            )
+            what = "near, middle and far refer to the time to contact; no distances in metres"
+            notes.append(f"{zero}: {what}")
         if options.gyro is not None:
             notes += options.gyro.notes
-            if self._unmeasured:
-                notes.append(
-                    f"the {options.gyro.source} record has gaps in {self._unmeasured} of "
-                    f"{self._pairs} pairs of images"
-                )
+            pairs = f"{self._unmeasured} of {self._pairs} pairs of images"
+            what = f"the {options.gyro.source} record has gaps in {pairs}"
+            notes += [what] if self._unmeasured else []
         if self._unknown:
             notes.append(f"{self._unknown} of {self._pairs} pairs of images give no result")
         return notes

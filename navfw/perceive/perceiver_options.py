@@ -210,21 +210,15 @@ class PerceiverOptions:
         speed = float(np.linalg.norm(way)) / (end - begin)
         return speed if 0.0 < speed <= MAX_SPEED else None  # where poses jump, none
 
-
-def assumptions(
-    options: PerceiverOptions, source: ImageSource, size: WorkingSize
-) -> list[Assumption]:
-    """What the results for images of ``source`` assume; of the motion nothing is assumed."""
-    assumed = []
-    if options.hfov is None and source.hfov is None:
-        view = math.degrees(options.angle_of_view(size.width, size.height, None))
-        reason = "of the main camera of a telephone"
-        taken = f"{view:.3g} degrees"
-        what = "horizontal field of view"
-        assumed.append(Assumption(what, taken, reason, "--hfov, --calibration"))
-    if source.hfov is None:
-        assumed.append(Assumption("lens distortion", "none", "", "--calibration"))
-    if options.pitch is None:
-        assumed.append(Assumption("pitch", "0 degrees until the floor shows it", "", "--pitch"))
-    record = () if options.gyro is None else options.gyro.assumed
-    return [*assumed, *source.assumed, *record]
+    def assumptions(self, source: ImageSource, size: WorkingSize) -> list[Assumption]:
+        """What the results for images of ``source`` assume; of the motion nothing is assumed."""
+        assumed = []
+        if source.hfov is None:
+            view = math.degrees(self.angle_of_view(size.width, size.height, None))
+            reason, option = "of the main camera of a telephone", "--hfov, --calibration"
+            what = Assumption("horizontal field of view", f"{view:.3g} degrees", reason, option)
+            assumed += [what] if self.hfov is None else []
+            assumed.append(Assumption("lens distortion", "none", "", "--calibration"))
+        if self.pitch is None:
+            assumed.append(Assumption("pitch", "0 degrees until the floor shows it", "", "--pitch"))
+        return [*assumed, *source.assumed, *(() if self.gyro is None else self.gyro.assumed)]

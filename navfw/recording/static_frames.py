@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 import re
 from typing import Any
@@ -16,13 +15,8 @@ from navfw.numerics import Array
 
 OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Axes of an optical frame (right, down, ahead), as columns, in one with ahead, left and up."""
-_SIGNED = [
-    np.eye(3)[list(order)] * np.array(signs)[:, None]
-    for order in itertools.permutations(range(3))
-    for signs in itertools.product((1.0, -1.0), repeat=3)
-]
 AXES: list[Array] = sorted(
-    (axes for axes in _SIGNED if np.linalg.det(axes) > 0.0),
+    Rotation.create_group("O").as_matrix().round() + 0.0,
     key=lambda axes: [not np.array_equal(axes, usual) for usual in (np.eye(3), OPTICAL)],
 )
 """How the axes of a sensor may lie along ahead, left and up (3, 3); the usual ones first."""
