@@ -305,7 +305,7 @@ _TIME_ERRORS = [
     ("0\n0.2\n0.1\n", r"times\.csv:3: time 0\.1\d* s does not come after 0\.2\d* s; sort the"),
     ("0\n0.1\nlater\n", r"times\.csv:3: time: 'later' is not a time in seconds"),
     ("0\nnan\n1\n", r"times\.csv:2: time: 'nan' is not a time in seconds"),
-    ("frame,v\n1,2\n", r"times\.csv:1: has no column 'time' in frame, v; name the one that holds it so"),
+    ("frame,v\n1,2\n", r"times\.csv:1: has no column 'time' in frame, v; name the one"),
     ("time,file\n0,image_1.png\n1\n", r"times\.csv:3: has 1 values, not 2 \(time, file\)"),
     (
         "0 image_2.png\n1 image_1.png\n2 image_3.png\n",
