@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import re
-from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -23,7 +23,7 @@ from navfw.recording.run_folder import is_bag
 if TYPE_CHECKING:
     from navfw.assumption import Assumption
     from navfw.lenses import CameraCalibration
-    from navfw.numerics import Array
+    from navfw.perceive.bag_source import BagInputs
     from navfw.perceive.image_sources import ImageSource
     from navfw.perceive.lens_estimate import LensEstimate
     from navfw.perceive.motion_record import MotionRecord
@@ -141,12 +141,6 @@ class PerceiveOptions:
     quiet: Quiet = False
 
 
-_MOTION = "gyro", "poses", "fps"
-_INSTEAD = {"times": ("times", "fps"), "gyro": _MOTION, "poses": _MOTION}
-_INSTEAD["calibration"] = "calibration", "hfov"
-"""The options by which the files of a bag are not used."""
-
-
 @from_options
 def perceive(options: PerceiveOptions) -> None:
     """Run perception on recorded images. Lists obstacles, distances and the situation."""
@@ -162,22 +156,15 @@ def perceive(options: PerceiveOptions) -> None:
 
             bag = Bag(options.source[0], options.topic, options.imu_axes)
             pitch = math.radians(options.pitch or 0.0)
-            tables: dict[str, Any] = dict(stack.enter_context(unpacked_bag(bag, pitch)))
-        images = [tables.pop("source")]
-        for own, others in _INSTEAD.items():
-            if any(getattr(options, name) is not None for name in others):
-                tables.pop(own, None)
+            own = stack.enter_context(unpacked_bag(bag, pitch))
         with locating(file=bag.file):
-            _perceive(replace(options, source=images, topic=None, **tables), bag, tables.keys())
+            _perceive(options, bag, own)
     for note in bag.notes:
         echo(f"note: {note}", err=True)
 
 
-def _perceive(given: PerceiveOptions, bag: Bag | None = None, own: Collection[str] = ()) -> None:
-    """Run perception on the sources that are ``given``, or on what a ``bag`` was unpacked to.
-
-    ``own`` are the options whose files are the bag's own.
-    """
+def _perceive(given: PerceiveOptions, bag: Bag | None = None, own: BagInputs | None = None) -> None:
+    """Run perception on the sources that are ``given``, or on what is a ``bag``'s ``own``."""
     with quiet_stdout():
         from navfw.perceive.image_sources import open_source
         from navfw.perceive.image_times import load_image_times
@@ -195,18 +182,16 @@ def _perceive(given: PerceiveOptions, bag: Bag | None = None, own: Collection[st
             grid=None if given.grid is None else _grid(given.grid),
         )
         listed = None if given.times is None else load_image_times(given.times)
-        opened = partial(open_source, given.source, given.fps, listed=listed)
-        axes = None if {"gyro", "poses"} & set(own) else given.imu_axes
-        options = replace(options, gyro=_motion_record(given, opened(None), axes))
+        if own is not None and given.fps is None:
+            listed = listed or own.times
+        source = given.source if own is None else [own.folder]
+        opened = partial(open_source, source, given.fps, listed=listed)
+        options = replace(options, gyro=_motion_record(given, own, opened(None)))
     with ProgressBar("perceive", quiet=given.quiet) as bar:
         with quiet_stdout():
-            calibration, view, lens = _lens(opened, given, bag, bar)
-            if bag is not None and calibration is not None and "calibration" in own:
-                calibration = replace(calibration, file=bag.info_topic)
-            options = replace(options, hfov=view)
-            before = bag.axes if bag is not None and "gyro" in own else None
-            if "poses" not in own:
-                options = _compared(options, opened(calibration), given, before, bar)
+            topic = given.camera or (None if bag is None else bag.image_topic)
+            calibration, view, lens = _lens(opened, replace(given, camera=topic), own, bar)
+            options = _compared(replace(options, hfov=view), opened(calibration), given, bar)
             images = opened(calibration)
             perceiver, page = Perceiver(options, images, default_registry()), None
         counter = _ResultCounter(perceiver, bar, [] if bag is None else bag.assumed)
@@ -247,7 +232,7 @@ def _print(results: Iterable[PairResult], lens: LensEstimate | None, overlay: Pa
 def _lens(
     opened: Callable[[CameraCalibration | None], ImageSource],
     given: PerceiveOptions,
-    bag: Bag | None,
+    own: BagInputs | None,
     bar: ProgressBar,
 ) -> tuple[CameraCalibration | None, float | None, LensEstimate | None]:
     """The lens, the images' field of view [deg], and the estimate of a lens that is not given."""
@@ -255,8 +240,9 @@ def _lens(
     from navfw.perceive.lens_estimate import estimate_lens
 
     if given.calibration is not None:
-        topic = None if bag is None else bag.image_topic
-        return load_calibration(given.calibration, given.camera or topic), None, None
+        return load_calibration(given.calibration, given.camera), None, None
+    if own is not None and own.lens is not None and given.hfov is None:
+        return own.lens, None, None
     estimate = estimate_lens(opened(None), given.hfov, lambda: bar.show_part("estimating the lens"))
     return estimate.calibration, estimate.known_hfov(given.hfov), estimate
 
@@ -282,39 +268,35 @@ def _results(
 
 
 def _motion_record(
-    given: PerceiveOptions, images: ImageSource, named: str | None
+    given: PerceiveOptions, own: BagInputs | None, images: ImageSource
 ) -> MotionRecord | None:
-    """The record of the camera's motion in a file, with times since the first image.
-
-    Its sensor has the axes ``named``, if they are known.
-    """
+    """The record of the camera's motion, with times since the first image."""
     from navfw.perceive.motion_record import load_gyro_record, load_pose_record
     from navfw.recording.static_frames import axes_of
 
-    axes = None if named is None else axes_of(named)
+    record = None if own is None or given.fps is not None else own.record
+    axes = None if given.imu_axes is None else axes_of(given.imu_axes)
     if given.gyro is not None:
-        return load_gyro_record(given.gyro, axes).on_clock_of(images)
-    if given.poses is not None:
-        pitch = math.radians(given.pitch or 0.0)
-        return load_pose_record(given.poses, pitch, axes).on_clock_of(images)
-    return None
+        record = load_gyro_record(given.gyro, axes)
+    elif given.poses is not None:
+        record = load_pose_record(given.poses, math.radians(given.pitch or 0.0), axes)
+    return None if record is None else record.on_clock_of(images)
 
 
 def _compared(
-    options: PerceiverOptions,
-    images: ImageSource,
-    given: PerceiveOptions,
-    before: Array | None,
-    bar: ProgressBar,
+    options: PerceiverOptions, images: ImageSource, given: PerceiveOptions, bar: ProgressBar
 ) -> PerceiverOptions:
-    """The options with a record, if any, in the axes in which it turns as the images do."""
+    """The options with a record, if any, in the axes in which it turns as the images do.
+
+    That of a bag's wheels was compared before.
+    """
     from navfw.perceive.gyro_axes import compared
 
-    if options.gyro is None:
+    if options.gyro is None or (options.gyro.source == "poses" and given.poses is None):
         return options
     tick = partial(bar.show_part, "comparing the axes of the gyro")
     is_given = given.imu_axes is not None
-    record = compared(options.gyro, images, options, before, given=is_given, tick=tick)
+    record = compared(options.gyro, images, options, given=is_given, tick=tick)
     return replace(options, gyro=record.without_offsets())
 
 

@@ -1,4 +1,4 @@
-"""A bag as a folder of images and tables, and whether its camera moves as its wheels say."""
+"""A bag as images with times, lens and motion, and whether its camera moves as its wheels say."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ import json
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -15,8 +16,16 @@ from scipy.spatial.transform import Rotation
 
 from navfw.config.input_file import shown_path
 from navfw.errors import InputError
-from navfw.lenses import Undistortion, load_calibration
+from navfw.lenses import CameraCalibration, Undistortion, load_calibration
 from navfw.numerics import Array
+from navfw.perceive.image_times import ImageTimes
+from navfw.perceive.motion_record import (
+    RATES,
+    GyroRecord,
+    MotionRecord,
+    PoseRecord,
+    longest_gap,
+)
 from navfw.perceive.pair_motion import TrackImage, track_points
 from navfw.perceive.perceiver_options import WorkingSize
 from navfw.process.atomic import scratch_folder
@@ -36,14 +45,23 @@ _RECTIFIED = re.compile(r"(?:^|[/_])rect(?:ified)?(?:[/_]|$)")
 """What the topics of images without distortion have in their names."""
 
 
-@contextmanager
-def unpacked_bag(bag: Bag, pitch: float = 0.0) -> Iterator[dict[str, Path]]:
-    """Images and tables of ``bag`` in a temporary folder, by the options that take them.
+class BagInputs(NamedTuple):
+    """A folder of a bag's images, their ``times``, and what it knows of lens and motion."""
 
-    There are ``source``, a folder, and ``times``; ``calibration`` if the bag has one that fits its
-    images; ``poses`` if it has wheels that the images do not contradict, turned by the gyro if
-    there is one; ``gyro`` if there is only that. ``pitch`` [rad] is the camera's, where it is known
-    otherwise than by the bag's transforms.
+    folder: Path
+    times: ImageTimes
+    lens: CameraCalibration | None
+    record: MotionRecord | None
+
+
+@contextmanager
+def unpacked_bag(bag: Bag, pitch: float = 0.0) -> Iterator[BagInputs]:
+    """The images of ``bag`` in a temporary folder, with what it knows of its camera.
+
+    The lens is that of ``camera_info`` if it fits the images. The record has the camera's poses by
+    the wheels if the images do not contradict these, turned by the gyro if there is one; the rates
+    of the gyro if there is only that. ``pitch`` [rad] is the camera's, where it is known otherwise
+    than by the bag's transforms.
 
     Raises:
         InputError: there are no images, or one is none.
@@ -55,85 +73,77 @@ def unpacked_bag(bag: Bag, pitch: float = 0.0) -> Iterator[dict[str, Path]]:
         hint = f": {'; '.join(shown)}" if shown else ""
         raise InputError(f"has no images to perceive{hint}", file=bag.file)
     with scratch_folder("bag") as folder:
-        files = {name: folder / name for name in ("source", "times")}
-        files["source"].mkdir()
-        lines = []
+        times = list[float]()
         shape: tuple[int, ...] = ()
         for number, (name, time, _, message) in enumerate(bag.each_image()):
-            file, data = files["source"] / f"{number:06d}.png", message.data
+            data = message.data
             if not hasattr(message, "format"):
                 image = deep_image(message, name)
                 shape, data = image.shape, cv2.imencode(".png", image)[1]
             elif not shape:
                 with suppress(InputError):  # reported when it is its turn
                     shape = deep_image(message, name).shape
-            file.write_bytes(bytes(data))
-            lines.append(f"{time!r},{file.name}")
-        files["times"].write_text("time,file\n" + "\n".join(lines), encoding="utf-8")
-        for name, text in _tables(bag, pitch).items():
-            files[name] = folder / f"{name}.yaml"
-            files[name].write_text(text, encoding="utf-8")
-        problem = _misfit(bag, files["calibration"], shape) if bag.info and shape else ""
-        if problem:
-            bag.notes.append(f"{bag.info_topic} is not used: {problem}")
-            del files["calibration"]
-        yield files
+            (folder / f"{number:06d}.png").write_bytes(bytes(data))
+            times.append(time)
+        lens = _lens(bag, shape, folder / "camera_info.yaml")
+        yield BagInputs(folder, ImageTimes(bag.file, tuple(times), {}), lens, _record(bag, pitch))
 
 
-def _misfit(bag: Bag, file: Path, shape: Sequence[int]) -> str:
-    """Why the calibration in ``file`` is not that of images of ``shape``; "" if it may be."""
-    try:
-        lens = load_calibration(file)
-        Undistortion(lens, shape[1], shape[0], key=None)
-    except InputError as error:
-        return re.sub(rf"^{re.escape(shown_path(file))}(:\d+)?: ", "", str(error))
-    is_part = max(bag.info.binning_x, bag.info.binning_y, bag.info.roi.width) > 1
-    if is_part and lens.size is not None and lens.size != (shape[1], shape[0]):
-        sizes = f"{lens.size[0]} x {lens.size[1]} px, not {shape[1]} x {shape[0]}"
-        return f"by its binning and its region of interest images have {sizes}"
-    return ""
+def _lens(bag: Bag, shape: Sequence[int], file: Path) -> CameraCalibration | None:
+    """The lens by ``camera_info``, by way of ``file``; None if it contradicts the images.
 
-
-def _tables(bag: Bag, pitch: float) -> dict[str, str]:
-    """The texts of calibration, gyro and poses, as far as the bag has them."""
-    tables = {}
-    optical = CameraModel(pitch=pitch).base_from_camera if bag.optical is None else bag.optical
-    if bag.info is not None:
-        tables["calibration"] = json.dumps(_lens(bag))
-    contradiction = camera_contradiction(bag)
-    bag.notes += [contradiction] if contradiction else []
-    if len(bag.odometry) > 1 and not contradiction:
-        tables["poses"] = _rows(_poses(bag, optical))
-    elif len(bag.gyro) > 1:
-        axes = [k for k in range(4) if np.isfinite(bag.gyro[:, k]).all()]
-        rates = bag.gyro.copy()
-        if len(axes) > 3:
-            rates[:, 1:] @= optical @ CameraModel(pitch=pitch).base_from_camera.T
-        names = ",".join(("time", "roll_rate", "pitch_rate", "yaw_rate")[k] for k in axes)
-        tables["gyro"] = f"{names}\n" + _rows(rates[:, axes]).replace(" ", ",")
-    return tables
-
-
-def _lens(bag: Bag) -> dict[str, Any]:
-    """The ``camera_info`` as a file; where images are rectified, of the projection matrix."""
+    Where images are rectified it is that of the projection matrix.
+    """
+    if bag.info is None or not shape:
+        return None
     info, roi = bag.info, bag.info.roi
     matrix, bent = bag.matrix, np.asarray(info.d if hasattr(info, "d") else info.D)
     if _RECTIFIED.search(bag.image_topic):
         flat = np.asarray(info.p if hasattr(info, "p") else info.P).reshape(3, 4)[:, :3].ravel()
         matrix, bent = flat if flat.any() else matrix, np.empty(0)
     part = {name: getattr(roi, name) for name in ("x_offset", "y_offset", "width", "height")}
-    binned = {name: getattr(info, name) for name in ("binning_x", "binning_y")}
-    sizes = {"image_width": info.width, "image_height": info.height, "roi": part}
-    model = info.distortion_model if bent.size else "plumb_bob"
-    return {**sizes, **binned, "K": matrix.tolist(), "D": bent.tolist(), "distortion_model": model}
+    data = {"image_width": info.width, "image_height": info.height, "roi": part}
+    data |= {name: getattr(info, name) for name in ("binning_x", "binning_y")}
+    data |= {"distortion_model": info.distortion_model if bent.size else "plumb_bob"}
+    data |= {"K": matrix.tolist(), "D": bent.tolist()}
+    file.write_text(json.dumps(data), encoding="utf-8")
+    try:
+        lens = load_calibration(file)
+        Undistortion(lens, shape[1], shape[0], key=None)
+        is_part = max(info.binning_x, info.binning_y, roi.width) > 1
+        if is_part and lens.size is not None and lens.size != (shape[1], shape[0]):
+            sizes = f"{lens.size[0]} x {lens.size[1]} px, not {shape[1]} x {shape[0]}"
+            raise InputError(f"by its binning and its region of interest images have {sizes}")
+    except InputError as error:
+        problem = re.sub(rf"^{re.escape(shown_path(file))}(:\d+)?: ", "", str(error))
+        bag.notes.append(f"{bag.info_topic} is not used: {problem}")
+        return None
+    return replace(lens, file=bag.info_topic)
 
 
-def _rows(table: Array) -> str:
-    return "\n".join(" ".join(map(repr, row)) for row in table.tolist())
+def _record(bag: Bag, pitch: float) -> MotionRecord | None:
+    """The camera's poses by the wheels, or the rates of the gyro; None without either."""
+    level = CameraModel(pitch=pitch).base_from_camera
+    optical = level if bag.optical is None else bag.optical
+    contradiction = camera_contradiction(bag)
+    bag.notes += [contradiction] if contradiction else []
+    if len(bag.odometry) > 1 and not contradiction:
+        times, places, turns = _poses(bag, optical)
+        gap = longest_gap(times)
+        return PoseRecord(times, gap, places, turns, axes=level, file=bag.file)
+    if len(bag.gyro) < 2:
+        return None
+    times, rates = bag.gyro[:, 0], bag.gyro[:, 1:]
+    known = np.asarray(np.isfinite(rates).all(axis=0))
+    rates = rates @ optical @ level.T if known.all() else np.where(known, rates, 0.0)
+    names = frozenset(name for name, one in zip(reversed(RATES), known, strict=True) if one)
+    return GyroRecord(
+        times, longest_gap(times), rates, measured=names, axes=bag.axes, file=bag.file
+    )
 
 
-def _poses(bag: Bag, optical: Array) -> Array:
-    """The camera's poses (n, 8) by the way of the wheels, and the turns of the gyro, if any."""
+def _poses(bag: Bag, optical: Array) -> tuple[Array, Array, Array]:
+    """Times, places and quaternions by the way of the wheels, and the turns of the gyro, if any."""
     times, yaw, gyro = bag.odometry[:, 0], bag.odometry[:, 3], bag.gyro
     if len(gyro) > 1:
         middle = 0.5 * (gyro[1:, 3] + gyro[:-1, 3]) * np.diff(gyro[:, 0])
@@ -142,7 +152,7 @@ def _poses(bag: Bag, optical: Array) -> Array:
     ways = np.stack([steps * np.cos(along), steps * np.sin(along), 0.0 * steps], axis=1)
     places = np.concatenate([np.zeros((1, 3)), np.cumsum(ways, axis=0)])
     turns = Rotation.from_euler("z", yaw[:, None]) * Rotation.from_matrix(optical)
-    return np.column_stack([times, places, turns.as_quat()])
+    return times, places, turns.as_quat()
 
 
 def camera_contradiction(bag: Bag) -> str:

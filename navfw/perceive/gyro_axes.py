@@ -67,7 +67,6 @@ def compared(
     record: MotionRecord,
     images: ImageSource,
     options: PerceiverOptions,
-    axes: Array | None = None,
     *,
     given: bool,
     tick: Callable[[], None] = lambda: None,
@@ -75,14 +74,13 @@ def compared(
     """The ``record`` in the axes in which it turns as the camera of ``images`` does.
 
     These are assumed, and replace what it assumed of axes; if its axes are ``given``, or none
-    agree, there is a note. ``axes`` (3, 3) are those in which a gyro's rates were turned before.
+    agree, there is a note.
     """
     seen, measured = turns_seen(record, images, options, tick)
     if len(seen) < _COMPARED[0] or np.linalg.norm(seen, axis=1).sum() < _COMPARED[0] * _TURNS[0]:
         return record
     better, agreement = agreeing_axes(seen, measured)
-    before = record.axes if axes is None else axes
-    text = "" if better is None else axes_text(better @ before)
+    text = "" if better is None else axes_text(better @ record.axes)
     if better is None or given:
         note = f"the {record.source} and the images do not turn alike (agreement {agreement:.2f})"
         hint = f"; they would with --imu-axes {text}" if text else ""
@@ -90,5 +88,5 @@ def compared(
         return replace(record, notes=(*record.notes, note + hint)) if doubted else record
     reason = f"it then turns as the images do (agreement {agreement:.2f} in {len(seen)} pairs)"
     kept = [one for one in record.assumed if not one.what.startswith("axes of")]
-    kept.append(assumed_axes(better @ before, reason, record.source))
+    kept.append(assumed_axes(better @ record.axes, reason, record.source))
     return replace(record.turned(better), assumed=tuple(kept))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from pathlib import Path
 from typing import ClassVar, Self
 
@@ -67,14 +67,15 @@ _MAX_RECORDING = 86_400.0
 """Longest recording [s], where its length is unknown: a day."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class MotionRecord(ABC):
     """A record of the camera's rotation, in ascending order of ``times`` (n,) [s].
 
     ``longest_gap`` [s] is the largest interval between neighbouring samples of a continuous record.
-    ``measured`` names the rates of rotation that it has. ``notes`` are remarks for the user,
-    ``assumed`` what was chosen for them.
-    ``file`` and ``option`` name the record in messages, ``source`` says what measured it.
+    ``axes`` (3, 3) are those of its sensor, as columns, in ahead, left and up. ``measured`` names
+    the rates of rotation that it has. ``notes`` are remarks for the user, ``assumed`` what was
+    chosen for them. ``file`` and ``option`` name the record in messages, ``source`` says what
+    measured it.
     """
 
     option: ClassVar[str]
@@ -82,19 +83,16 @@ class MotionRecord(ABC):
 
     times: Array
     longest_gap: float
+    _: KW_ONLY
     measured: frozenset[str] = frozenset(RATES)
+    axes: Array = field(default_factory=lambda: np.eye(3))
     notes: tuple[str, ...] = ()
     assumed: tuple[Assumption, ...] = ()
     file: str = ""
 
-    @property
-    def axes(self) -> Array:
-        """The axes (3, 3) of its sensor, as columns, in ahead, left and up."""
-        return np.eye(3)
-
-    @abstractmethod
     def turned(self, axes: Array) -> Self:
-        """The record with the rates that it has if its axes (3, 3) point as ``axes`` say."""
+        """The record as it is if what it takes for ahead, left and up are these axes (3, 3)."""
+        return replace(self, axes=axes @ self.axes)
 
     def without_offsets(self) -> Self:
         """The record without errors of its sensor that are certain."""
@@ -157,7 +155,7 @@ class MotionRecord(ABC):
         return replace(self, times=self.times - offset) if offset else self
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class GyroRecord(MotionRecord):
     """``rates`` (n, 3) [rad/s] are roll, pitch, yaw; those that are not measured are 0."""
 
@@ -171,7 +169,8 @@ class GyroRecord(MotionRecord):
         names = list(reversed(RATES))
         sources = np.abs(axes).argmax(axis=1).tolist()
         known = (names[k] for k, n in enumerate(sources) if names[n] in self.measured)
-        return replace(self, rates=self.rates @ axes.T, measured=frozenset(known))
+        rates, measured = self.rates @ axes.T, frozenset(known)
+        return replace(self, axes=axes @ self.axes, rates=rates, measured=measured)
 
     def without_offsets(self) -> Self:
         """The record without the offsets of roll and pitch that are certain, with notes on them."""
@@ -193,12 +192,12 @@ class GyroRecord(MotionRecord):
         return np.asarray(np.trapezoid(rates, knots))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class PoseRecord(MotionRecord):
     """``places`` (n, 3) [m] are the camera's positions in the world.
 
     ``quaternions`` (n, 4), as x, y, z, w, rotate from camera_optical (x right, y down, z forward)
-    to the world, ``base_from_camera`` (3, 3) from there to base_link.
+    to the world, ``axes`` from there to base_link.
     """
 
     option: ClassVar[str] = "--poses"
@@ -206,16 +205,6 @@ class PoseRecord(MotionRecord):
 
     places: Array
     quaternions: Array
-    base_from_camera: Array
-
-    @property
-    def axes(self) -> Array:
-        """See ``MotionRecord``."""
-        return self.base_from_camera
-
-    def turned(self, axes: Array) -> Self:
-        """See ``MotionRecord``."""
-        return replace(self, base_from_camera=axes @ self.base_from_camera)
 
     def rotation_between(self, begin: float, end: float) -> Array | None:
         """The rotation from one interpolated pose to the other; see ``MotionRecord``."""
@@ -223,7 +212,7 @@ class PoseRecord(MotionRecord):
         if poses is None:
             return None
         turn = poses[1][0].inv() * poses[1][1]
-        return np.asarray(self.base_from_camera @ turn.as_rotvec())
+        return np.asarray(self.axes @ turn.as_rotvec())
 
     def translation_between(self, begin: float, end: float) -> Array | None:
         """The way from one interpolated pose to the other; see ``MotionRecord``."""
@@ -231,7 +220,7 @@ class PoseRecord(MotionRecord):
         if poses is None:
             return None
         places, turns = poses
-        return np.asarray(self.base_from_camera @ turns[0].inv().apply(places[1] - places[0]))
+        return np.asarray(self.axes @ turns[0].inv().apply(places[1] - places[0]))
 
     def poses_at(self, *wanted: float) -> tuple[Array, Rotation] | None:
         """Places (n, 3) [m] and rotations from camera_optical to the world at n times [s].
@@ -247,6 +236,11 @@ class PoseRecord(MotionRecord):
         ways = [np.interp(moments, self.times[span], along) for along in self.places[span].T]
         turns = Slerp(self.times[span], Rotation.from_quat(self.quaternions[span]))(moments)
         return np.stack(ways, axis=1), turns
+
+
+def longest_gap(times: Array) -> float:
+    """The largest interval [s] of a continuous record with samples at ``times`` (n,) [s]."""
+    return _GAP_STEPS * float(np.median(np.diff(times)))
 
 
 def load_gyro_record(path: Path, axes: Array | None = None) -> GyroRecord:
@@ -325,7 +319,6 @@ def load_pose_record(path: Path, pitch: float = 0.0, axes: Array | None = None) 
     if axes is None and table.names & {f"{kind}_x" for kind in _EUROC}:
         reason = "its columns are those of EuRoC, whose poses are of the IMU"
         assumed.append(assumed_axes(OPTICAL, reason, "poses"))
-    base_from_camera = CameraModel(pitch=pitch).base_from_camera
     return PoseRecord(
         times=times,
         longest_gap=_GAP_STEPS * interval,
@@ -333,5 +326,5 @@ def load_pose_record(path: Path, pitch: float = 0.0, axes: Array | None = None) 
         file=table.file,
         places=places,
         quaternions=poses[:, 4:],
-        base_from_camera=base_from_camera if axes is None else axes,
+        axes=CameraModel(pitch=pitch).base_from_camera if axes is None else axes,
     )

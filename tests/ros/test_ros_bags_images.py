@@ -12,7 +12,6 @@ from cli_calls import answer, refusal
 from perceive_calls import APPROACH
 from perceive_images import save
 
-from navfw.lenses import load_calibration
 from navfw.numerics import Image
 from navfw.perceive.bag_source import unpacked_bag
 from navfw.perceive.image_sources import open_source
@@ -36,9 +35,9 @@ def lens(path: Path, sent: list[Sent], topic: str = "/left/image_raw") -> tuple[
     sent = [*(image(topic, 0.1 * k, each, "mono8") for k, each in enumerate(GREYS)), *sent]
     bag = Bag(write_bag(path / f"{len(list(path.iterdir()))}.mcap", sent))
     with unpacked_bag(bag) as files:
-        if "calibration" not in files:
-            return None, bag.notes
-        read = load_calibration(files["calibration"])
+        read = files.lens
+    if read is None:
+        return None, bag.notes
     numbers = [read.matrix[0, 0], *read.matrix[:2, 2].tolist(), read.coefficients.size]
     return numbers, bag.notes
 
@@ -193,7 +192,7 @@ def test_images_of_every_encoding_are_those_of_a_folder(tmp_path: Path) -> None:
     cases += [(name, COLOURED, COLOURED) for name in COLOUR_ENCODINGS]
     for name, pictures, expected in cases:
         with unpacked_bag(Bag(write_bag(tmp_path / f"{name}.mcap", recorded(name, pictures)))) as f:
-            seen = [each.image for each in open_source([f["source"]], 10.0)]
+            seen = [each.image for each in open_source([f.folder], 10.0)]
         wanted = [cv2.cvtColor(p, cv2.COLOR_GRAY2BGR) if p.ndim == 2 else p for p in expected]
         assert np.array_equal(seen, wanted), name
 
@@ -207,7 +206,7 @@ def test_raw_images_are_those_of_a_converter(tmp_path: Path) -> None:
         ]
         sent = [each._replace(fields=each.fields | {"width": 160}) for each in sent]
         with unpacked_bag(Bag(write_bag(tmp_path / f"{name}.mcap", sent))) as files:
-            seen = [each.image for each in open_source([files["source"]], 10.0)]
+            seen = [each.image for each in open_source([files.folder], 10.0)]
         code = getattr(cv2, f"COLOR_Bayer{name[6:10].upper()}2BGR")
         off = np.abs(np.array(seen, np.int16) - np.array([cv2.cvtColor(raw, code) for raw in raws]))
         assert off.max() <= (1 if name.endswith("16") else 0), name  # means are rounded otherwise
@@ -217,7 +216,7 @@ def test_bytes_of_big_endian_images_are_swapped(tmp_path: Path) -> None:
     sent = [image("/c", 0.1 * k, deep(each, ">u2"), "mono16") for k, each in enumerate(GREYS)]
     sent = [s._replace(fields=s.fields | {"width": 160, "is_bigendian": 1}) for s in sent]
     with unpacked_bag(Bag(write_bag(tmp_path / "big.mcap", sent))) as files:
-        seen = [each.image[..., 0] for each in open_source([files["source"]], 10.0)]
+        seen = [each.image[..., 0] for each in open_source([files.folder], 10.0)]
     assert np.array_equal(seen, GREYS)
 
 

@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 from bag_samples import Sent, image, imu, odometry, write_bag
 
-from navfw.lenses import load_calibration
 from navfw.perceive.bag_source import unpacked_bag
-from navfw.perceive.motion_record import load_gyro_record, load_pose_record
 from navfw.recording import Bag
 
 NOISE = np.random.default_rng(3).integers(0, 256, (120, 260), np.uint8)
@@ -25,8 +23,9 @@ def test_a_gyro_with_one_axis_and_wheels_are_the_tables_of_a_folder(tmp_path: Pa
         sent += [imu(time, (math.nan, math.nan, 0.3)), image("/c", time, SCENE, "mono8")]
     bag = Bag(write_bag(tmp_path / "one.mcap", sent))
     with unpacked_bag(bag) as files:
-        assert files.keys() == {"source", "times", "gyro"}
-        record = load_gyro_record(files["gyro"])
+        record = files.record
+    assert files.lens is None
+    assert record is not None and record.source == "gyro"
     assert record.measured == {"yaw_rate"}
     turned = record.rotation_between(0.5, 1.5)
     assert turned is not None
@@ -39,8 +38,8 @@ def test_a_gyro_with_one_axis_and_wheels_are_the_tables_of_a_folder(tmp_path: Pa
     # an image that never changes contradicts wheels that move
     bag = Bag(write_bag(tmp_path / "still.bag", sent))
     with unpacked_bag(bag) as files:
-        assert files.keys() == {"source", "times", "gyro", "calibration"}
-        assert load_calibration(files["calibration"]).size == (160, 120)
+        assert files.record is not None and files.record.source == "gyro"
+        assert files.lens is not None and files.lens.size == (160, 120)
     assert any("contradicts the wheels" in note for note in bag.notes)
     moving = [s for s in sent if s.topic != "/c"]
     moving += [
@@ -48,7 +47,8 @@ def test_a_gyro_with_one_axis_and_wheels_are_the_tables_of_a_folder(tmp_path: Pa
         for k in range(30)
     ]
     with unpacked_bag(Bag(write_bag(tmp_path / "moves.db3", moving))) as files:
-        poses = load_pose_record(files["poses"])
+        poses = files.record
+    assert poses is not None
     way, turned = poses.translation_between(1.0, 2.0), poses.rotation_between(1.0, 2.0)
     assert way is not None and turned is not None
     assert float(np.linalg.norm(way)) == pytest.approx(0.5, rel=0.02)
