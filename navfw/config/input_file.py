@@ -216,10 +216,8 @@ def read_json_object(path: str | Path) -> dict[str, Any]:
     return data
 
 
-def parse_json(text: str, file: str, decoder: Callable[..., json.JSONDecoder] | None = None) -> Any:
+def parse_json(text: str, file: str) -> Any:
     """The JSON value in ``text``; NaN and Infinity, which are not JSON, are refused.
-
-    ``decoder`` makes the decoder of its settings, in place of the usual one.
 
     Raises:
         ConfigError: ``text``, the content of ``file``, is not JSON, with the line, or nested too
@@ -227,7 +225,7 @@ def parse_json(text: str, file: str, decoder: Callable[..., json.JSONDecoder] | 
 
     """
     try:
-        return json.loads(text, cls=decoder, parse_constant=_refuse_constant)  # type: ignore[arg-type]
+        return json.loads(text, parse_constant=_refuse_constant)
     except json.JSONDecodeError as error:
         raise ConfigError(f"not valid JSON: {error.msg}", file=file, line=error.lineno) from None
     except RecursionError:

@@ -230,11 +230,11 @@ class _RuleBaseBuilder:
 
 
 _SAME = {
-    "triangle": ("trimf", "trian", "triangular"),
-    "trapezoid": ("trapmf", "trape", "trapezoidal", "pimf"),
+    "triangle": ("trimf", "trian", "triangular", "singleton", "sing", "spike"),
+    "trapezoid": ("trapmf", "trape", "trapezoidal", "pimf", "rectangle", "rectangular"),
     "gauss": ("gaussmf", "gaussian"),
     "sigmoid": ("sigmf", "sigm"),
-    "points": ("discrete", "piecewise", "linear"),
+    "points": ("discrete", "piecewise", "linear", "linsmf", "smf", "ramp", "linzmf", "zmf"),
 }
 """Names of shapes in scikit-fuzzy, MATLAB's FIS and FCL, by those here."""
 
@@ -243,19 +243,19 @@ def _of_other_tools(kind: str, parameters: Sequence[float]) -> str:
     """What to write for a shape called ``kind`` elsewhere; "" for other words."""
     word, numbers = kind.lower(), [float(value) for value in parameters]
     shape = next((shape for shape, words in _SAME.items() if word in words), "")
-    match word, numbers:
-        case "singleton" | "sing" | "spike", [a, *_]:
-            shape, numbers = "triangle", [a, a, a]
-        case "rectangle" | "rectangular", [a, b]:
-            shape, numbers = "trapezoid", [a, a, b, b]
-        case "linsmf" | "smf" | "ramp", [a, b]:
-            shape, numbers = "points", [a, 0, b, 1] if a < b else [b, 1, a, 0]
-        case "linzmf" | "zmf", [a, b]:
-            shape, numbers = "points", [a, 1, b, 0]
-        case "gbellmf" | "gbell" | "bell", [a, b, c] if b > 0:
-            # the degree is 0.5, and the slope that of the bell, at c - a and c + a
-            shape, top, foot = "trapezoid", max(a - a / b, 0.0), max(a + a / b, 0.0)
-            numbers = [c - foot, c - top, c + top, c + foot]
+    match shape, numbers:
+        case "triangle", [a]:
+            numbers = [a, a, a]
+        case "trapezoid", [a, b]:
+            numbers = [a, a, b, b]
+        case "points", [a, b]:
+            rises = (a < b) != ("z" in word)
+            numbers = [min(a, b), float(not rises), max(a, b), float(rises)]
+    if word.startswith(("gbell", "bell")) and len(numbers) == 3 and numbers[1] > 0.0:
+        # the degree is 0.5, and the slope that of the bell, at c - a and c + a
+        a, b, c = numbers
+        shape, top, foot = "trapezoid", max(a - a / b, 0.0), max(a + a / b, 0.0)
+        numbers = [c - foot, c - top, c + top, c + foot]
     if not shape:
         return ""
     advice = f"write {shape}: [{', '.join(f'{value:.6g}' for value in numbers)}]"

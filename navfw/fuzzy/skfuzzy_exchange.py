@@ -11,7 +11,6 @@ import re
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from itertools import pairwise
 from operator import mul
 from pathlib import Path
 from typing import Any
@@ -20,7 +19,7 @@ import numpy as np
 
 from navfw.config.yaml_text import write_yaml_text
 from navfw.errors import MissingExtraError, RuleBaseError, UnknownNameError
-from navfw.fuzzy.membership import HEDGES
+from navfw.fuzzy.membership import HEDGES, Trapezoid
 from navfw.fuzzy.rulebase import KEYWORDS, And, Clause, Is, Not, Or, RuleBase, atoms
 from navfw.fuzzy.rulefile import load_rule_base, parse_rule_base
 from navfw.numerics import Array
@@ -60,16 +59,11 @@ def control_system_of(rule_base: RuleBase) -> Any:
     """
     control = _control()
     with without_warnings():
-        inputs: dict[str, Any] = {}
-        outputs: dict[str, Any] = {}
-        for made, kind, variables in (
-            (inputs, control.Antecedent, rule_base.inputs),
-            (outputs, control.Consequent, rule_base.outputs),
-        ):
-            for name, variable in variables.items():
-                made[name] = kind(variable.universe, name)
-                for term in variable.terms:
-                    made[name][term] = variable.sampled(term)
+        inputs = {n: control.Antecedent(v.universe, n) for n, v in rule_base.inputs.items()}
+        outputs = {n: control.Consequent(v.universe, n) for n, v in rule_base.outputs.items()}
+        for name, variable in {**rule_base.inputs, **rule_base.outputs}.items():
+            for term in variable.terms:
+                {**inputs, **outputs}[name][term] = variable.sampled(term)
         for rule in rule_base.rules:
             for atom, _ in atoms(rule.antecedent):
                 degrees = rule_base.inputs[atom.variable].sampled(atom.term, atom.hedges)
@@ -222,22 +216,18 @@ def _declaration(variable: Any, section: str) -> dict[str, Any]:
 
 def _shape(universe: Array, degrees: Array, *, whole: bool) -> dict[str, list[float]]:
     """The shape whose degrees are linear between the samples."""
+    ones, zeros = universe[degrees == 1.0], universe[degrees == 0.0]
+    if ones.size and not whole:
+        low = max(zeros[zeros < ones[0]], default=ones[0])
+        high = min(zeros[zeros > ones[-1]], default=ones[-1])
+        places = low, *dict.fromkeys((ones[0], ones[-1])), high
+        if np.allclose(Trapezoid(places)(universe), degrees, rtol=0.0, atol=1e-9):
+            kind = "triangle" if len(places) == 3 else "trapezoid"
+            return {kind: [float(place) for place in places]}
     slopes = np.diff(degrees) / np.diff(universe)
     bend = np.abs(np.diff(slopes)) > 1e-9 * (np.abs(slopes[1:]) + np.abs(slopes[:-1]))
     kept = np.concatenate(([True], bend | whole, [True]))
-    xs, ys = universe[kept].tolist(), degrees[kept].tolist()
-    one = [x for x, y in zip(xs, ys, strict=True) if y == 1.0]
-    steps = [y for k, y in enumerate(ys) if k == 0 or y != ys[k - 1]]
-    if not whole and one and steps in ([1.0], [0.0, 1.0], [1.0, 0.0], [0.0, 1.0, 0.0]):
-        feet = [
-            a if y < z else b for (a, y), (b, z) in pairwise(zip(xs, ys, strict=True)) if y != z
-        ]
-        left = [x for x in feet if x < one[0]] or one[:1]
-        right = [x for x in feet if x > one[-1]] or one[-1:]
-        if one[0] == one[-1]:
-            return {"triangle": [left[0], one[0], right[0]]}
-        return {"trapezoid": [left[0], one[0], one[-1], right[0]]}
-    return {"points": [value for pair in zip(xs, ys, strict=True) for value in pair]}
+    return {"points": np.stack([universe[kept], degrees[kept]], axis=1).ravel().tolist()}
 
 
 def _sentences(rule: Any, names: Mapping[Any, str]) -> Iterator[str]:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -146,6 +147,27 @@ def windings(lines: Array, shape: tuple[int, ...]) -> Indices:
     turns = np.zeros((shape[0], shape[1] + 1), np.int64)
     np.add.at(turns, (row, column), np.where(y1 > y0, -1, 1))
     return np.cumsum(turns, axis=1)[:, :-1]
+
+
+def solid_mesh(kind: str, size: Sequence[float] | Array) -> TriangleMesh:
+    """A closed mesh, around the origin, of a shape of URDF or SDF with the extent ``size`` (3,).
+
+    A cylinder, cone or capsule is upright; ellipsoids are called so or ``sphere``.
+    """
+    # a second of computing, which other worlds do not need
+    from trimesh import creation
+
+    make: Any = creation
+    match kind:
+        case "box":
+            mesh = make.box(size)
+        case "capsule":
+            mesh = make.capsule(radius=0.5 * size[0], height=size[2] - size[0])
+        case "sphere" | "ellipsoid":
+            mesh = make.icosphere(radius=0.5).apply_scale(size)
+        case _:
+            mesh = getattr(make, kind)(radius=0.5, height=1.0).apply_scale(size)
+    return TriangleMesh(np.array(mesh.vertices - mesh.bounds.mean(axis=0)), np.array(mesh.faces))
 
 
 _FREE_FORM = {"cstype", "curv", "curv2", "surf", "deg"}

@@ -28,29 +28,40 @@ def sdf_pose(pose: Element, file: str) -> Array:
     """
     form = pose.get("rotation_format", "euler_rpy")
     in_degrees = pose.get("degrees", "false").strip() in {"true", "1"}
-    count = {"euler_rpy": 6, "quat_xyzw": 7}.get(form)
-    text = (pose.text or "").split()
+    none = {"euler_rpy": [0.0] * 6, "quat_xyzw": [0.0] * 6 + [1.0]}.get(form, [])
+    numbers = sdf_numbers(pose, len(none), none, file, "pose") if none else []
+    at, turns, wrong = numbers[:3], numbers[3:], ""
+    if not none:
+        wrong = f"the rotation_format euler_rpy or quat_xyzw, got {form!r}"
+    elif form == "quat_xyzw" and (in_degrees or not any(turns)):
+        wrong = "no degrees with a quaternion" if in_degrees else "a quaternion other than 0"
+    if wrong:
+        raise ConfigError(f"expected {wrong}", file=file, line=line_of(pose), key="pose")
+    if form == "euler_rpy":
+        return rigid_transform(*at, *(map(math.radians, turns) if in_degrees else turns))
+    frame = np.eye(4)
+    frame[:3, :3] = quaternion_matrix(*np.array(turns) / math.hypot(*turns))
+    frame[:3, 3] = at
+    return frame
+
+
+def sdf_numbers(
+    element: Element, count: int, missing: list[float], file: str, key: str
+) -> list[float]:
+    """Read the numbers in an element of ``file``; ``missing`` if it is empty.
+
+    Raises:
+        ConfigError: they are not ``count`` numbers below 1e6; the message has ``key``.
+
+    """
+    text = (element.text or "").split()
+    if not text and missing:
+        return missing
     try:
         numbers = [float(word) for word in text]
     except ValueError:
         numbers = []
-    expected = ""
-    if count is None:
-        expected = f"the rotation_format euler_rpy or quat_xyzw, got {form!r}"
-    elif count == 7 and in_degrees:
-        expected = "no degrees with the rotation_format quat_xyzw"
-    elif text and (len(numbers) != count or not all(abs(number) < _MAX for number in numbers)):
-        expected = f"{count} numbers, got {' '.join(text)!r}"
-    elif count == 7 and text and math.hypot(*numbers[3:]) < 1e-6:
-        expected = "a quaternion other than 0"
-    if expected:
-        raise ConfigError(f"expected {expected}", file=file, line=line_of(pose), key="pose")
-    if not text:
-        return np.eye(4)
-    if count == 6:
-        turns = numbers[3:]
-        return rigid_transform(*numbers[:3], *(map(math.radians, turns) if in_degrees else turns))
-    frame = np.eye(4)
-    frame[:3, :3] = quaternion_matrix(*np.array(numbers[3:]) / math.hypot(*numbers[3:]))
-    frame[:3, 3] = numbers[:3]
-    return frame
+    if len(numbers) != count or not all(abs(number) < _MAX for number in numbers):
+        what = f"expected {count} number{'s' if count > 1 else ''}, got {' '.join(text)!r}"
+        raise ConfigError(what, file=file, line=line_of(element), key=key)
+    return numbers

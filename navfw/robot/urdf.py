@@ -7,13 +7,13 @@ one of those installed with PyBullet.
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterator
 from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
 
+import networkx as nx
 import numpy as np
 
 from navfw.config.extras import require_extra
@@ -102,26 +102,13 @@ def _parsed(path: Path, packages: tuple[str, ...], text: bytes) -> UrdfModel:
     _check_tree(path, links, joints, elements)
     inertials = _inertials(path, links)
     seen = tuple(_let_visuals_collide(links, joints))
-    massless = frozenset(links) - frozenset(inertials)
     collisions = tuple(
         _collision(path, name, collision)
         for name, link in links.items()
         for collision in link.findall("collision")
     )
-    counts = Counter(collision.link for collision in collisions)
-    radii = {c.link: c.radius for c in collisions if counts[c.link] == 1 and c.radius}
     return UrdfModel(
-        file=path,
-        root=root,
-        packages=packages,
-        links=tuple(links),
-        joints=joints,
-        collisions=collisions,
-        inertials=inertials,
-        massless=massless,
-        wheel_radii=radii,
-        unlimited=unlimited,
-        seen=seen,
+        path, root, packages, tuple(links), joints, collisions, inertials, unlimited, seen
     )
 
 
@@ -143,25 +130,21 @@ def _check_tree(
     path: Path, links: dict[str, Element], joints: dict[str, UrdfJoint], at: dict[str, Element]
 ) -> None:
     """Check that the joints, which stand ``at`` their elements, make one tree of all links."""
-    above: dict[str, UrdfJoint] = {}
-    for joint in joints.values():
-        first = above.setdefault(joint.child, joint)
-        if first is not joint:
-            what = f"its child link {joint.child!r} hangs on joint {first.name!r}; remove one"
-            raise urdf_error(path, at[joint.name], f"joint {joint.name!r}: {what}")
-    roots: dict[str, str] = {}
-    for link in links:
-        chain = [link]
-        while chain[-1] in above and above[chain[-1]].parent not in chain:
-            chain.append(above[chain[-1]].parent)
-        if chain[-1] in above:
-            loop = chain[chain.index(above[chain[-1]].parent) :]
-            last = max((above[member] for member in loop), key=lambda one: one.line)
-            what = f"closes a loop of the links {', '.join(loop)}; remove it, or another of them"
-            raise urdf_error(path, at[last.name], f"joint {last.name!r} {what}")
-        roots[link] = chain[-1]
-    (root, _), *others = Counter(roots.values()).most_common()
-    for other, _ in others:
+    above: dict[str, str] = {}
+    tree = nx.DiGraph((joint.parent, joint.child) for joint in joints.values())
+    tree.add_nodes_from(links)
+    for name, joint in joints.items():
+        if (first := above.setdefault(joint.child, name)) != name:
+            what = f"its child link {joint.child!r} hangs on joint {first!r}; remove one"
+            raise urdf_error(path, at[name], f"joint {name!r}: {what}")
+    for loop in nx.simple_cycles(tree):
+        last = max((above[link] for link in loop), key=list(joints).index)
+        round_ = ", ".join(link for link in links if link in loop)
+        what = f"closes a loop of the links {round_}; remove it, or another of them"
+        raise urdf_error(path, at[last], f"joint {last!r} {what}")
+    roots = [link for link in links if link not in above]
+    root, *others = sorted(roots, key=lambda link: -len(nx.descendants(tree, link)))
+    for other in others:
         what = f"link {other!r} is attached by no joint, and {root!r} is the root: add a joint with"
         raise urdf_error(path, links[other], f'{what} <child link="{other}"/>, or remove the link')
     if root == "world":
@@ -187,25 +170,22 @@ def _let_visuals_collide(links: dict[str, Element], joints: dict[str, UrdfJoint]
 
     A wheel is what turns without end and carries nothing. Gives the links that get shapes.
     """
-    above = {joint.child: joint for joint in joints.values()}
-    carriers = {joint.parent for joint in joints.values() if joint.movable}
-    parts: dict[str, list[str]] = {}
-    for link in links:
-        head = link
-        while head in above and above[head].kind == "fixed":
-            head = above[head].parent
-        parts.setdefault(head, []).append(link)
-    for head, members in parts.items():
-        turns = head in above and above[head].kind == "continuous"
-        if head in above and not (turns and carriers.isdisjoint(members)):
+    moved = {joint.child: joint for joint in joints.values() if joint.movable}
+    carriers = {joint.parent for joint in moved.values()}
+    bodies = nx.Graph((j.parent, j.child) for j in joints.values() if not j.movable)
+    bodies.add_nodes_from(links)
+    for body in nx.connected_components(bodies):
+        turning = [moved[link].kind == "continuous" for link in moved.keys() & body]
+        if turning and not (all(turning) and carriers.isdisjoint(body)):
             continue
-        if any(links[member].find("collision") is not None for member in members):
+        members = [link for name, link in links.items() if name in body]
+        if any(member.find("collision") is not None for member in members):
             continue
         for member in members:
-            for visual in links[member].findall("visual"):
-                collision = SubElement(links[member], "collision", visual.attrib)
+            for visual in member.findall("visual"):
+                collision = SubElement(member, "collision", visual.attrib)
                 collision.extend(part for part in visual if part.tag in {"origin", "geometry"})
-                yield member
+                yield member.get("name", "")
 
 
 def _collision(path: Path, link: str, element: Element) -> UrdfCollision:
@@ -233,23 +213,20 @@ def _inertials(path: Path, links: dict[str, Element]) -> dict[str, tuple[float, 
     """
     inertials = {}
     for name, link in links.items():
-        inertial = link.find("inertial")
-        if inertial is None:
-            continue
-        element = inertial.find("mass")
-        mass = 0.0 if element is None else attribute_numbers(path, element, "value", [0.0])[0]
-        if mass < 0.0:
-            what = f"link {name!r}: expected a mass above 0 kg, got {mass:g}"
-            raise urdf_error(path, inertial, what)
-        if mass == 0.0:
-            link.remove(inertial)
-            continue
-        inertia = inertial.find("inertia")
-        if inertia is None:
-            inertia = SubElement(inertial, "inertia", inertial.attrib)
-        for key in MOMENTS:
-            inertia.set(key, inertia.get(key, "0"))
-        inertials[name] = mass, inertial
+        for inertial in link.findall("inertial")[:1]:
+            element = inertial.find("mass")
+            mass = 0.0 if element is None else attribute_numbers(path, element, "value", [0.0])[0]
+            if mass < 0.0:
+                what = f"link {name!r}: expected a mass above 0 kg, got {mass:g}"
+                raise urdf_error(path, inertial, what)
+            if mass == 0.0:
+                link.remove(inertial)
+                continue
+            if inertial.find("inertia") is None:
+                SubElement(inertial, "inertia", inertial.attrib)
+            for inertia in inertial.findall("inertia"):
+                inertia.attrib = {**dict.fromkeys(MOMENTS, "0"), **inertia.attrib}
+            inertials[name] = mass, inertial
     return inertials
 
 
@@ -264,11 +241,9 @@ def _joint(path: Path, element: Element, links: dict[str, Element]) -> UrdfJoint
         if link not in links:
             what = f"joint {name!r}: its {end} link {link!r} does not exist"
             raise urdf_error(path, element, f"{what}; {did_you_mean(link, links)}")
-    axis_element = element.find("axis")
     axis = [1.0, 0.0, 0.0]
-    if axis_element is not None:
-        axis = attribute_numbers(path, axis_element, "xyz", axis)
-    frame = origin_frame(path, element.find("origin"))
+    for told in element.findall("axis")[:1]:
+        axis = attribute_numbers(path, told, "xyz", axis)
     return UrdfJoint(
-        name, kind, ends["parent"], ends["child"], frame, np.array(axis), line_of(element)
+        name, kind, **ends, frame=origin_frame(path, element.find("origin")), axis=np.array(axis)
     )

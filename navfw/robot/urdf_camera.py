@@ -44,7 +44,7 @@ _KEYS = {
 
 @dataclass(frozen=True)
 class _CameraView:
-    """Where a camera at ``link`` is: ``frame`` (4, 4) in the root link, x ahead; its angles [rad].
+    """Where a camera at ``link`` is: ``frame`` (4, 4) in the root link, x ahead.
 
     Without a ``sensor`` it is a link that is called a camera; ``optical``: its link looks along z.
     """
@@ -55,42 +55,33 @@ class _CameraView:
     optical: bool
 
     @property
-    def pitch(self) -> float:
-        """Nose-down positive."""
-        return math.asin(min(max(float(-self.frame[2, 0]), -1.0), 1.0))
-
-    @property
-    def yaw(self) -> float:
-        """To the left."""
-        return math.atan2(self.frame[1, 0], self.frame[0, 0])
-
-    @property
-    def roll(self) -> float:
-        """About the direction in which it looks."""
-        return math.atan2(self.frame[2, 1], self.frame[2, 2])
+    def angles(self) -> tuple[float, float, float]:
+        """Yaw to the left, pitch down, and roll about the direction in which it looks [rad]."""
+        (ahead, _, _), (left, _, _), (up, y, z) = self.frame[:3, :3].tolist()
+        return math.atan2(left, ahead), math.asin(min(max(-up, -1.0), 1.0)), math.atan2(y, z)
 
     @property
     def ahead(self) -> bool:
         """Whether it looks ahead, its images upright."""
-        skew = max(abs(self.yaw), abs(self.roll))
-        return abs(self.pitch) < _MAX_PITCH and skew <= _MAX_SKEW
+        yaw, pitch, roll = map(abs, self.angles)
+        return pitch < _MAX_PITCH and max(yaw, roll) <= _MAX_SKEW
 
 
 def _view(model: UrdfModel, link: str, sensor: Element | None = None) -> _CameraView:
-    frame = model.frame_of(link)
-    pose = None if sensor is None else sensor.find("pose")
-    if pose is not None:
-        frame = product(frame, sdf_pose(pose, shown_path(model.file)))
-    turned = pose is not None and not np.array_equal(frame, model.frame_of(link))
-    optical = frame[2, 1] < _DOWN or ("optical" in link.lower() and not turned)
+    at = frame = model.frame_of(link)
+    if sensor is not None and (pose := sensor.find("pose")) is not None:
+        frame = product(at, sdf_pose(pose, shown_path(model.file)))
+    optical = frame[2, 1] < _DOWN or ("optical" in link.lower() and np.array_equal(frame, at))
     if optical:
-        frame = frame.copy()
-        frame[:3, :3] = product(frame[:3, :3], _OPTICAL)
+        frame = np.hstack([product(frame[:, :3], _OPTICAL), frame[:, 3:]])
     return _CameraView(link, sensor, frame, optical)
 
 
 def _views(model: UrdfModel, link: str | None = None) -> list[_CameraView]:
-    """The cameras at ``link``, or at any, by preference: sensors, or links called so."""
+    """The cameras at ``link``, or at any: first what looks ahead, sensors by type, links by name.
+
+    Links that are called cameras count where there is no sensor.
+    """
     views = [
         _view(model, gazebo.get("reference", ""), sensor)
         for kind in _SENSORS
@@ -98,15 +89,10 @@ def _views(model: UrdfModel, link: str | None = None) -> list[_CameraView]:
         for sensor in gazebo.iterfind(f"sensor[@type='{kind}']")
         if gazebo.get("reference") in ((link,) if link else model.links)
     ]
-    if views or link:
-        return views or [_view(model, str(link))]
-    named = [name for name in model.links if "camera" in name.lower()]
-    return [_view(model, name) for name in sorted(named, key=lambda name: "optical" in name)]
-
-
-def _ahead(views: list[_CameraView]) -> _CameraView:
-    """The first that looks ahead, or the first."""
-    return next((view for view in views if view.ahead), views[0])
+    if not views:
+        named = [link] if link else [name for name in model.links if "camera" in name.lower()]
+        views = [_view(model, name) for name in sorted(named, key=lambda name: "optical" in name)]
+    return sorted(views, key=lambda view: not view.ahead)
 
 
 def camera_of(model: UrdfModel) -> tuple[dict[str, Any], str | None, float]:
@@ -118,14 +104,12 @@ def camera_of(model: UrdfModel) -> tuple[dict[str, Any], str | None, float]:
     views = _views(model)
     if not views:
         return {}, None, 0.0
-    view = _ahead(views)
     read: dict[str, Any] = {}
-    sensor = Element("sensor") if view.sensor is None else view.sensor
     for key, place in _KEYS.items():
-        text = (sensor.findtext(place) or "").strip()
+        text = ("" if views[0].sensor is None else views[0].sensor.findtext(place, "")).strip()
         if re.fullmatch(r"[0-9]+\.?[0-9]*", text) and float(text) > 0.0:
             read[key] = int(text) if key in {"width", "height"} else float(text)
-    return read, view.link, float(view.frame[2, 3])
+    return read, views[0].link, float(views[0].frame[2, 3])
 
 
 def mounted(camera: CameraModel, model: UrdfModel, link: str, origin: Array) -> CameraModel:
@@ -135,9 +119,9 @@ def mounted(camera: CameraModel, model: UrdfModel, link: str, origin: Array) -> 
         ConfigError: the camera looks elsewhere than ahead, and no pitch is given.
 
     """
-    view = _ahead(_views(model, link))
+    view = _views(model, link)[0]
     if not (view.ahead or "pitch" in camera.model_fields_set):
-        yaw, pitch, roll = (math.degrees(angle) for angle in (view.yaw, view.pitch, view.roll))
+        yaw, pitch, roll = map(math.degrees, view.angles)
         raise ConfigError(
             f"the camera at link {link!r} does not look ahead: yaw {yaw:.0f}, pitch {pitch:.0f}"
             f" (down), roll {roll:.0f} degrees; name another link, or give a robot file with"
@@ -147,7 +131,7 @@ def mounted(camera: CameraModel, model: UrdfModel, link: str, origin: Array) -> 
     mount = {
         "mount_forward": float(view.frame[0, 3] - origin[0]),
         "mount_height": float(view.frame[2, 3] - origin[2]),
-        "pitch": view.pitch,
+        "pitch": view.angles[1],
     }
     from_file = {name: getattr(camera, name) for name in camera.model_fields_set}
     return camera.model_copy(update=mount | from_file)
@@ -158,17 +142,17 @@ def camera_assumed(model: UrdfModel, link: str, origin: Array) -> tuple[Assumpti
     # links that are called cameras and look ahead are frames of one
     rest = [view for view in _views(model) if view.sensor is not None or not view.ahead]
     others = sorted({view.link for view in rest} - {link})
-    view = _ahead(_views(model, link))
-    reasons = [f"it looks ahead (others: {', '.join(others)})"] if others else []
-    if view.optical:
-        reasons += ["its frame is an optical one: z ahead"]
+    view = _views(model, link)[0]
+    reasons = [f"it looks ahead (others: {', '.join(others)})"] * bool(others)
+    reasons += ["its frame is an optical one: z ahead"] * view.optical
+    yaw, _, roll = map(math.degrees, view.angles)
     aside = float(view.frame[1, 3] - origin[1])
     left_out = [
         f"{abs(value):.2g} {unit}"
         for value, unit, least in (
             (aside, "m to the left" if aside > 0.0 else "m to the right", 0.02),
-            (math.degrees(view.yaw), "degrees of yaw", 0.5),
-            (math.degrees(view.roll), "degrees of roll", 0.5),
+            (yaw, "degrees of yaw", 0.5),
+            (roll, "degrees of roll", 0.5),
         )
         if abs(value) > least
     ]

@@ -25,8 +25,6 @@ _PACKAGE, _FILE = "package://", "file://"
 """Prefixes of the names of meshes: in a package of ROS, and at an absolute path."""
 _ONE_TRIANGLE = 84 + 50  # defined
 """Length of a binary STL file with one triangle [bytes]."""
-_SEEN_MESH = "link/visual/geometry/mesh"
-"""Where a mesh is that is seen."""
 _MAX_TRIANGLES = 500_000  # chosen
 """Of a mesh that collides."""
 _MAX_SIZE = 20.0  # chosen
@@ -108,19 +106,19 @@ def loadable_urdf(model: UrdfModel, folder: Path) -> Path:
     """
     root = copy.deepcopy(model.root)
     root.set("name", root.get("name") or "robot")
+    files = {
+        mesh: _mesh_path(model, mesh.get("filename", "")) for mesh in root.iterfind("link//mesh")
+    }
+    for mesh, file in files.items():
+        mesh.set("filename", str(file))
     meshes = [collision for collision in model.collisions if collision.shape.tag == "mesh"]
     for number, mesh in enumerate(root.iterfind("link/collision/geometry/mesh")):
-        file = _mesh_path(model, mesh.get("filename", ""))
-        if file is not None and file.suffix.lower() != ".obj":
+        if Path(mesh.get("filename", "")).suffix.lower() != ".obj":
             corners = mesh_corners(model, meshes[number]).reshape(-1, 3, 3)
             mesh.set("scale", "1 1 1")
-            file = folder / f"{number}.stl"
-            file.write_bytes(_binary_stl(corners))
-        mesh.set("filename", str(file))
-    seen = {mesh: _mesh_path(model, mesh.get("filename", "")) for mesh in root.iterfind(_SEEN_MESH)}
-    complete = all(file is not None and is_file(file) for file in seen.values())
-    for mesh, file in seen.items():
-        mesh.set("filename", str(file))
+            mesh.set("filename", str(folder / f"{number}.stl"))
+            (folder / f"{number}.stl").write_bytes(_binary_stl(corners))
+    complete = all(file is not None and is_file(file) for file in files.values())
     for link in root.findall("link"):
         for visual in link.findall("visual"):
             if not (complete and is_shaped(visual)):

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -34,10 +36,7 @@ SHAPES = {
 
 @dataclass(frozen=True)
 class UrdfJoint:
-    """A joint: its type, the links it joins, its ``frame`` (4, 4) in the parent, and its axis.
-
-    ``axis`` (3,) is in the joint's frame; ``line`` is the number of the joint's line in the file.
-    """
+    """A joint: type, links, ``frame`` (4, 4) in the parent, ``axis`` (3,) in its own frame."""
 
     name: str
     kind: str
@@ -45,7 +44,6 @@ class UrdfJoint:
     child: str
     frame: Array
     axis: Array
-    line: int
 
     @property
     def movable(self) -> bool:
@@ -73,10 +71,8 @@ class UrdfModel:
     """A URDF file: its joints by name, links and collision shapes.
 
     ``root`` is its XML, ``packages`` the folders to search for packages of ROS. ``inertials`` are
-    the masses [kg] and <inertial> elements of links with a mass, ``massless`` the other links;
-    ``wheel_radii`` [m] are the radii of links whose collision shape is one cylinder or sphere.
-    ``unlimited`` are revolute joints that count as continuous, ``seen`` links that collide as they
-    are seen.
+    the masses [kg] and <inertial> elements of links with a mass. ``unlimited`` are revolute joints
+    that count as continuous, ``seen`` links that collide as they are seen.
     """
 
     file: Path
@@ -86,10 +82,14 @@ class UrdfModel:
     joints: dict[str, UrdfJoint]
     collisions: tuple[UrdfCollision, ...]
     inertials: dict[str, tuple[float, Element]]
-    massless: frozenset[str]
-    wheel_radii: dict[str, float]
     unlimited: tuple[str, ...]
     seen: tuple[str, ...]
+
+    @cached_property
+    def wheel_radii(self) -> dict[str, float]:
+        """Radii [m] of the links whose collision shape is one cylinder or sphere."""
+        counts = Counter(collision.link for collision in self.collisions)
+        return {c.link: c.radius for c in self.collisions if counts[c.link] == 1 and c.radius}
 
     def above(self, link: str) -> list[UrdfJoint]:
         """The joints from ``link`` up to the root link."""

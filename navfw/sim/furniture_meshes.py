@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Literal
 
@@ -10,8 +9,7 @@ import numpy as np
 
 from navfw.config.input_file import cached_by_files, shown_path
 from navfw.errors import ConfigError
-from navfw.meshes.mesh_file import MAX_TRIANGLES, TriangleMesh, joined, read_mesh
-from navfw.numerics import Array
+from navfw.meshes.mesh_file import MAX_TRIANGLES, TriangleMesh, joined, read_mesh, solid_mesh
 from navfw.numerics.products import product
 from navfw.robot.urdf import read_urdf
 from navfw.robot.urdf_model import UrdfCollision, attribute_numbers, urdf_error
@@ -22,8 +20,6 @@ _MIN_SIZE, _MAX_SIZE = 0.02, 50.0
 """Bounds of the largest extent of a mesh [m]."""
 _Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
 """Turns the y axis up."""
-_SIDES = 24
-"""Sides of a cylinder, and of a sphere's equator."""
 
 
 @cached_by_files(64)
@@ -79,47 +75,10 @@ def _shape_mesh(path: Path, collision: UrdfCollision) -> TriangleMesh:
         if min(size) <= 0.0:
             key = "size" if shape.tag == "box" else "length" if collision.radius > 0.0 else "radius"
             raise urdf_error(path, shape, f"{key} of <{shape.tag}>: expected positive lengths [m]")
-        if shape.tag == "box":
-            return _box(size)
-        if shape.tag == "cylinder":
-            profile = np.array([[0.0, -0.5], [1.0, -0.5], [1.0, 0.5], [0.0, 0.5]])
-            return _revolved(profile * (collision.radius, size[2]))
-        half = 0.5 * math.pi
-        angles = np.linspace(-half, half, _SIDES // 2 + 1 + (shape.tag == "capsule"))
-        profile = np.stack([np.cos(angles), np.sin(angles)], axis=1) * collision.radius
-        profile[:, 1] += np.sign(angles) * (0.5 * size[2] - collision.radius)
-        profile[[0, -1], 0] = 0.0
-        return _revolved(profile)
+        return solid_mesh(shape.tag, size)
     mesh = read_mesh(path.parent / shape.get("filename", ""))
     scale = attribute_numbers(path, shape, "scale", [1.0, 1.0, 1.0])
     if min(scale) > 0.0:
         return mesh.moved(np.diag([*scale, 1.0]))
     what = "expected positive scales; mirror the mesh in a modelling program"
     raise urdf_error(path, shape, what)
-
-
-def _box(size: Array) -> TriangleMesh:
-    """A box around the origin."""
-    corners = np.array([[x, y, z] for z in (-0.5, 0.5) for y in (-0.5, 0.5) for x in (-0.5, 0.5)])
-    quads = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
-    faces = [face for a, b, c, d in quads for face in ((a, b, c), (a, c, d))]
-    return TriangleMesh(corners * size, np.array(faces, np.int64))
-
-
-def _revolved(profile: Array) -> TriangleMesh:
-    """The body of a profile (N, 2) of radius and height, upwards, that begins and ends at 0."""
-    angles = np.arange(_SIDES) * (2.0 * math.pi / _SIDES)
-    rings = [np.stack([r * np.cos(angles), r * np.sin(angles), z + 0.0 * angles], axis=1)
-             for r, z in profile[1:-1]]  # fmt: skip
-    poles = np.array([[0.0, 0.0, profile[0, 1]], [0.0, 0.0, profile[-1, 1]]])
-    side = np.arange(_SIDES)
-    following = (side + 1) % _SIDES
-    last = _SIDES * (len(rings) - 1)
-    south, north = _SIDES * len(rings), _SIDES * len(rings) + 1
-    faces = [np.stack([np.full(_SIDES, south), following, side], axis=1)]
-    for ring in range(len(rings) - 1):
-        a, b = side + _SIDES * ring, following + _SIDES * ring
-        faces += [np.stack([a, b, b + _SIDES], axis=1)]
-        faces += [np.stack([a, b + _SIDES, a + _SIDES], axis=1)]
-    faces += [np.stack([side + last, following + last, np.full(_SIDES, north)], axis=1)]
-    return TriangleMesh(np.concatenate([*rings, poles]), np.concatenate(faces).astype(np.int64))

@@ -323,7 +323,7 @@ class UrdfBody(WheeledBody):
     ) -> None:
         for name, link in links.items():
             self._call("changeDynamics", self.body, link, linearDamping=0.0, angularDamping=0.0)
-            if name in drive.model.massless:
+            if name not in drive.model.inertials:
                 none = [_NO_INERTIA] * 3
                 self._call(
                     "changeDynamics", self.body, link, mass=_NO_MASS, localInertiaDiagonal=none

@@ -10,12 +10,11 @@ of the collection: as features Nav2 would read them as nodes. ``floor_plan`` is 
 from __future__ import annotations
 
 import json
-import json.decoder
-import json.scanner
 import math
 import re
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 from navfw.config.input_file import parse_json
@@ -25,6 +24,8 @@ from navfw.topomap.mapfile import EDGE_KEYS, MapImporter, map_data
 from navfw.topomap.topological_map import TopoMap
 
 _EDGES = ("MultiLineString", "LineString")
+_VALUE = re.compile(r"[^\s,]")
+"""The first character of an item of a list."""
 
 
 def geojson_text(topo_map: TopoMap, plan_file: str | None = None) -> str:
@@ -69,22 +70,6 @@ def _feature(kind: str, coordinates: list[Any], **properties: Any) -> dict[str, 
     return {"type": "Feature", "geometry": geometry, "properties": properties}
 
 
-class _LocatingDecoder(json.JSONDecoder):
-    """Decodes JSON; ``begins`` gets the index at which the object of an ``id`` begins."""
-
-    def __init__(self, begins: dict[int, int], **settings: Any) -> None:
-        super().__init__(**settings)
-        decode = json.decoder.JSONObject  # type: ignore[attr-defined]
-
-        def located(at: tuple[str, int], *settings: Any) -> tuple[Any, int]:
-            value, end = decode(at, *settings)
-            begins[id(value)] = at[1]
-            return value, end
-
-        self.parse_object = located
-        self.scan_once = json.scanner.py_make_scanner(self)  # type: ignore[attr-defined]
-
-
 @dataclass(frozen=True, slots=True)
 class _Feature:
     """A feature of ``file``: its index, its content, and the line at which it begins."""
@@ -98,22 +83,28 @@ class _Feature:
         key = f"features[{self.index}].{key}"
         return MapError(message, file=self.file, line=self.line, key=key)
 
+    def part(self, *path: str) -> dict[str, Any]:
+        """The object at a path of keys; empty where there is none."""
+        data = self.data
+        for key in path:
+            data = data.get(key) if isinstance(data, dict) else None
+        return data if isinstance(data, dict) else {}
+
     @property
-    def geometry(self) -> dict[str, Any]:
-        """Geometry of a Point or an edge; any other raises MapError."""
-        geometry = self.data.get("geometry") if isinstance(self.data, dict) else None
-        kind = geometry.get("type") if isinstance(geometry, dict) else None
-        if isinstance(geometry, dict) and kind in ("Point", *_EDGES):
-            return geometry
-        what = f"expected Point (a place) or MultiLineString (an edge), got {kind!r:.40}"
-        raise self.error("geometry.type", what)
+    def kind(self) -> str:
+        """The type of its geometry; MapError if it is neither a Point nor an edge."""
+        kind = self.part("geometry").get("type")
+        if kind not in ("Point", *_EDGES):
+            what = f"expected Point (a place) or MultiLineString (an edge), got {kind!r:.40}"
+            raise self.error("geometry.type", what)
+        return str(kind)
 
     def number(self, key: str) -> int:
         """Return the id at ``key`` of the properties; MapError if it is no integer from 0 on.
 
         Without ``properties.id`` it is the feature's own; tools write integers as 1.0 or "1", too.
         """
-        value = self.properties.get(key)
+        value = self.part("properties").get(key)
         value = self.data.get(key) if value is None else value
         if isinstance(value, int | float | str) and re.fullmatch(r"\d{1,18}(\.0)?", str(value)):
             return int(float(value))
@@ -121,19 +112,19 @@ class _Feature:
         raise self.error(f"properties.{key}", f"expected the id, an integer: {got}")
 
     @property
-    def properties(self) -> dict[str, Any]:
-        properties = self.data.get("properties")
-        return properties if isinstance(properties, dict) else {}
+    def metadata(self) -> dict[str, Any]:
+        return self.part("properties", "metadata")
 
     @property
-    def metadata(self) -> dict[str, Any]:
-        metadata = self.properties.get("metadata")
-        return metadata if isinstance(metadata, dict) else {}
+    def name(self) -> str:
+        """The name of a place; its number where it has none."""
+        name = self.metadata.get("name")
+        return name if isinstance(name, str) and name else str(self.number("id"))
 
     @property
     def point(self) -> tuple[float, float]:
         """The coordinates of a Point, as they are in the file."""
-        at = self.geometry.get("coordinates")
+        at = self.part("geometry").get("coordinates")
         numbers = at[:2] if isinstance(at, list) else []
         if len(numbers) < 2 or not all(type(number) in (int, float) for number in numbers):
             raise self.error("geometry.coordinates", f"expected [x, y] [m], got {at!r:.40}")
@@ -141,8 +132,8 @@ class _Feature:
 
     def bends(self, frame: LocalFrame) -> float:
         """Length [m] of the line of an edge with more than two points; NaN of others."""
-        parts: Any = self.geometry.get("coordinates")
-        parts = [parts] if self.geometry["type"] == "LineString" else parts
+        parts: Any = self.part("geometry").get("coordinates")
+        parts = [parts] if self.kind == "LineString" else parts
         try:
             points = [frame(point[0], point[1]) for part in parts for point in part]
         except (TypeError, LookupError):
@@ -162,18 +153,17 @@ def read_geojson(text: str, file: str, both_ways: bool) -> TopoMap:
             duplicate or unknown, an edge is one-way, or the map is invalid.
 
     """
-    begins = dict[int, int]()
-    data = parse_json(text, file, partial(_LocatingDecoder, begins))
+    data = parse_json(text, file)
     if not isinstance(data, dict) or data.get("type") != "FeatureCollection":
         raise MapError("expected a FeatureCollection", file=file, line=1, key="type")
     if not isinstance(data.get("features"), list):
         raise MapError("expected a list of features", file=file, line=1, key="features")
-    features, line, last = list[_Feature](), 1, 0
-    for index, feature in enumerate(data["features"]):
-        begin = begins.get(id(feature), last)
-        line, last = line + text.count("\n", last, begin), begin
-        features.append(_Feature(file, line, index, feature))
-    nodes = [feature for feature in features if feature.geometry["type"] == "Point"]
+    lines = _lines_of_features(text)
+    features = [
+        _Feature(file, next(lines, 1), index, feature)
+        for index, feature in enumerate(data["features"])
+    ]
+    nodes = [feature for feature in features if feature.kind == "Point"]
     frame = _frame_of(nodes, json.dumps(data.get("crs", "")), file, _line_of(text, "crs"))
     importer, places = MapImporter(file, both_ways, frame), dict[int, _Feature]()
     for node in nodes:
@@ -185,15 +175,14 @@ def read_geojson(text: str, file: str, both_ways: bool) -> TopoMap:
         places[number] = node
         x, y = frame(*node.point)
         values = {"x": x, "y": y, "kind": node.metadata.get("kind")}
-        importer.add_place(_name_of(node), values, node.line, f"features[{node.index}]")
+        importer.add_place(node.name, values, node.line, f"features[{node.index}]")
     for edge in features:
-        if edge.geometry["type"] != "Point":
+        if edge.kind != "Point":
             start, end = (_end_of(edge, key, places) for key in ("startid", "endid"))
             straight, bent = math.dist(frame(*start.point), frame(*end.point)), edge.bends(frame)
             longer: dict[str, Any] = {"length": bent} if bent > straight else {}
             values = {**longer, **edge.metadata}
-            ends = _name_of(start), _name_of(end)
-            importer.add_edge(*ends, values, edge.line, directed=True)
+            importer.add_edge(start.name, end.name, values, edge.line, directed=True)
     if isinstance(landmarks := data.get("landmarks"), dict):
         importer.add_landmarks(landmarks, _line_of(text, "landmarks"))
     importer.set_floor_plan(data.get("floor_plan"), _line_of(text, "floor_plan"))
@@ -203,16 +192,11 @@ def read_geojson(text: str, file: str, both_ways: bool) -> TopoMap:
 
 def _frame_of(nodes: list[_Feature], crs: str, file: str, line: int) -> LocalFrame:
     """The frame of the nodes; those that name a frame, as Nav2's and navfw's, are in metres."""
-    framed = any("frame" in node.properties for node in nodes)
+    framed = any("frame" in node.part("properties") for node in nodes)
     try:
         return local_frame([node.point for node in nodes], crs, metric=framed)
     except ValueError as error:
         raise MapError(str(error), file=file, line=line, key="crs") from None
-
-
-def _name_of(node: _Feature) -> str:
-    name = node.metadata.get("name")
-    return name if isinstance(name, str) and name else str(node.number("id"))
 
 
 def _end_of(edge: _Feature, key: str, places: dict[int, _Feature]) -> _Feature:
@@ -221,6 +205,17 @@ def _end_of(edge: _Feature, key: str, places: dict[int, _Feature]) -> _Feature:
         what = f"there is no Point with the id {number}; add it, or remove the edge"
         raise edge.error(f"properties.{key}", what)
     return places[number]
+
+
+def _lines_of_features(text: str) -> Iterator[int]:
+    """The lines at which the features begin."""
+    at, last, line = text.index("[", text.index('"features"')) + 1, 0, 1
+    with suppress(ValueError):  # at the end of the list
+        while True:
+            at = next(_VALUE.finditer(text, at)).start()
+            line, last = line + text.count("\n", last, at), at
+            _, at = json.JSONDecoder().raw_decode(text, at)
+            yield line
 
 
 def _line_of(text: str, member: str) -> int:

@@ -175,13 +175,10 @@ class MapImporter:
         self._file = file
         self._both_ways = both_ways
         self._frame = frame or LocalFrame()
-        self._origins: dict[KeyPath, Origin] = {}
-        self._places: dict[str, dict[str, Any]] = {}
-        self._landmarks: dict[str, dict[str, Any]] = {}
-        self._edges: list[dict[str, Any]] = []
-        self._floor_plan: Any = None
-        self._one_way: dict[tuple[str, str], int] = {}
-        self._directed: dict[tuple[str, str], int] = {}
+        self._origins: dict[KeyPath, Origin] = {(): Origin(file)}
+        self._data: dict[str, Any] = {"places": {}, "edges": [], "landmarks": {}}
+        self._ways: dict[tuple[str, str], int] = {}
+        """The index of the passage of each directed edge, by its ends."""
         self._repeated: list[str] = []
         self._loops: list[str] = []
 
@@ -192,48 +189,44 @@ class MapImporter:
             MapError: there is already a place of that name.
 
         """
-        if name in self._places:
-            first = self._origins["places", name].line
+        if (first := self._origins.get(("places", name))) is not None:
             raise MapError(
-                f"a second place {name!r} (the first is in line {first}); give it another name",
+                f"a second place {name!r} (the first is in line {first.line}); rename one",
                 file=self._file,
                 line=line,
                 key=key,
             )
-        self._places[name] = _kept(values, PLACE_KEYS)
+        self._data["places"][name] = _kept(values, PLACE_KEYS)
         self._origins["places", name] = Origin(self._file, line)
 
     def add_edge(
         self, a: str, b: str, values: dict[str, Any], line: int, directed: bool = False
     ) -> None:
         """Add an edge; a ``directed`` one makes a passage together with the opposite edge."""
-        edge = {"from": a, "to": b, **_kept(values, EDGE_KEYS)}
+        edge, edges = {"from": a, "to": b, **_kept(values, EDGE_KEYS)}, self._data["edges"]
         if directed and a == b:
             self._loops.append(str(line))
-            return
-        if directed:
-            index = self._directed.get((a, b))
-            if index is not None:
-                self._repeated.append(str(line))
-                if _length(edge) < _length(self._edges[index]):
-                    self._edges[index] = edge
-                return
-            index = self._directed[a, b] = self._directed.get((b, a), len(self._edges))
-            if self._one_way.pop((b, a), None) is not None:
-                return
-            self._one_way[a, b] = index
-        self._origins["edges", len(self._edges)] = Origin(self._file, line)
-        self._edges.append(edge)
+        elif directed and (a, b) in self._ways:
+            self._repeated.append(str(line))
+            index = self._ways[a, b]
+            edges[index] = min(edges[index], edge, key=_length)
+        elif directed and (b, a) in self._ways:
+            self._ways[a, b] = self._ways[b, a]
+        else:
+            if directed:
+                self._ways[a, b] = len(edges)
+            self._origins["edges", len(edges)] = Origin(self._file, line)
+            edges.append(edge)
 
     def add_landmarks(self, landmarks: dict[str, Any], line: int) -> None:
         """Add landmarks by name; ``finish`` refuses one that is no mapping: it lacks all values."""
         for name, values in landmarks.items():
-            self._landmarks[name] = _kept(values, _LANDMARK_KEYS)
+            self._data["landmarks"][name] = _kept(values, _LANDMARK_KEYS)
             self._origins["landmarks", name] = Origin(self._file, line)
 
     def set_floor_plan(self, name: Any, line: int) -> None:
         """Set the file name of the floor plan; None: the map has none."""
-        self._floor_plan = name
+        self._data["floor_plan"] = name
         self._origins["floor_plan",] = Origin(self._file, line)
 
     def finish(self, name: str) -> TopoMap:
@@ -244,24 +237,27 @@ class MapImporter:
             MapError: an edge is one-way only, or the map is invalid.
 
         """
+        places, edges = self._data["places"], self._data["edges"]
         # of an end that is no place it is said first
-        known = all({edge["from"], edge["to"]} <= self._places.keys() for edge in self._edges)
-        for (a, b), index in (self._one_way if known and not self._both_ways else {}).items():
-            raise MapError(
-                f"leads only from {a!r} to {b!r}, but passages are two-way: add the edge from "
-                f"{b!r} to {a!r}, or convert with --both-ways",
-                file=self._file,
-                line=self._origins["edges", index].line,
-                key=f"edges[{index}]",
+        known = all({edge["from"], edge["to"]} <= places.keys() for edge in edges)
+        for (a, b), index in self._ways.items() if known and not self._both_ways else ():
+            if (b, a) not in self._ways:
+                raise MapError(
+                    f"leads only from {a!r} to {b!r}, but passages are two-way: add the edge from "
+                    f"{b!r} to {a!r}, or convert with --both-ways",
+                    file=self._file,
+                    line=self._origins["edges", index].line,
+                    key=f"edges[{index}]",
+                )
+        for edge in edges if known and self._frame.assumed else ():
+            # a length a little below the distance is that of another projection
+            (ax, bx), (ay, by) = (
+                [places[edge[end]].get(key, math.nan) for end in ("from", "to")] for key in "xy"
             )
-        if self._frame.assumed:
-            self._leave_out_rounded_lengths()
-        data: dict[str, Any] = {"name": name, "places": self._places, "edges": self._edges}
-        if self._floor_plan is not None:
-            data["floor_plan"] = self._floor_plan
-        if self._landmarks:
-            data["landmarks"] = self._landmarks
-        made = read_map(YamlDocument(self._file, data, {(): Origin(self._file), **self._origins}))
+            straight = math.hypot(ax - bx, ay - by)
+            if 0.99 * straight <= _length(edge) < straight:
+                del edge["length"]
+        made = read_map(YamlDocument(self._file, {"name": name, **self._data}, self._origins))
         assumed = [*self._frame.assumed]
         for what, taken, lines, why in (
             ("repeated edges", "the shortest of each", self._repeated, "lists the same ends again"),
@@ -271,15 +267,6 @@ class MapImporter:
                 listed = ", ".join(lines[:5]) + (", ..." if len(lines) > 5 else "")
                 assumed.append(Assumption(what, taken, f"line {listed} {why}"))
         return made.replaced(assumed=assumed)
-
-    def _leave_out_rounded_lengths(self) -> None:
-        """Leave out lengths a little below the distance that another projection gives."""
-        for edge in self._edges:
-            ends = [self._places.get(edge[key], {}) for key in ("from", "to")]
-            (ax, bx), (ay, by) = ([end.get(key, math.nan) for end in ends] for key in "xy")
-            straight = math.hypot(ax - bx, ay - by)
-            if 0.99 * straight <= _length(edge) < straight:
-                del edge["length"]
 
 
 def _length(edge: Mapping[str, Any]) -> float:

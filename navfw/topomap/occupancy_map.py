@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Annotated, Any, Literal
@@ -19,7 +20,7 @@ from typing import Annotated, Any, Literal
 import cv2
 import numpy as np
 import numpy.typing as npt
-from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import BeforeValidator, ConfigDict, Field, model_validator
 
 from navfw.assumption import Assumption
 from navfw.config.document import load_yaml
@@ -121,39 +122,35 @@ def _number(value: Any) -> Any:
     return int(value) if isinstance(value, bool) else value
 
 
-def _radians(value: float) -> float:
-    if abs(value) <= 2.0 * math.pi + 1e-6:
+def _at_most(most: float, expected: str, meant: Callable[[float], float]) -> BeforeValidator:
+    """Refuse larger magnitudes, and NaN: what they are in the unit that was ``meant``."""
+
+    def checked(value: Any) -> Any:
+        if isinstance(value := _number(value), int | float) and not abs(value) <= most:
+            would = f"{meant(value):.6g}" if math.isfinite(value) else "0.0"
+            raise ValueError(expected.format(value, would))
         return value
-    meant = f"{value:g} degrees are {math.radians(value):.6g}"
-    raise ValueError(f"expected rad from -2 pi to 2 pi, got {value:g}: {meant}")
 
-
-def _orientation(value: Any) -> Any:
-    if isinstance(value := _number(value), float) and math.isnan(value):
-        raise ValueError("is no number, as mappers without an orientation write it: write 0.0")
-    return value
-
-
-def _share(value: Any) -> Any:
-    if isinstance(value := _number(value), int | float) and 1.0 < value <= 100.0:
-        raise ValueError(f"expected 0 to 1, got {value:g}: per cent? Write {value / 100.0:g}")
-    return value
-
-
-def _metres(value: Any) -> Any:
-    if isinstance(value := _number(value), int | float) and 10.0 < value <= 1000.0:
-        meant = f"pixels a metre? Write {1.0 / value:.6g}"
-        raise ValueError(f"expected 0.001 to 10 m a pixel, got {value:g}: {meant}")
-    return value
-
-
-def _lower(value: Any) -> Any:
-    return value.lower() if isinstance(value, str) else value
+    return BeforeValidator(checked)
 
 
 Number = Annotated[Coordinate, BeforeValidator(_number)]
-Angle = Annotated[float, BeforeValidator(_orientation), AfterValidator(_radians)]
-Share = Annotated[float, BeforeValidator(_share), Field(ge=0.0, le=1.0)]
+Angle = Annotated[
+    float,
+    _at_most(2.0 * math.pi + 1e-6, "expected radians, got {0:g}: degrees? Write {1}", math.radians),
+]
+Share = Annotated[
+    float,
+    _at_most(1.0, "expected 0 to 1, got {0:g}: per cent? Write {1}", lambda value: value / 100.0),
+    Field(ge=0.0, le=1.0),
+]
+Metres = Annotated[
+    float,
+    _at_most(
+        10.0, "expected metres, got {0:g}: pixels a metre? Write {1}", lambda value: 1 / value
+    ),
+    Field(ge=0.001, le=10.0),
+]
 
 
 class RosMapSpec(StrictModel):
@@ -169,18 +166,14 @@ class RosMapSpec(StrictModel):
     image: Annotated[
         str, Field(min_length=1, max_length=1000, description="image file, beside this")
     ]
-    resolution: Annotated[
-        float,
-        BeforeValidator(_metres),
-        Field(ge=0.001, le=10.0, description="edge of a pixel [m]"),
-    ]
+    resolution: Annotated[Metres, Field(description="edge of a pixel [m]")]
     origin: Annotated[
         tuple[Number, Number, Angle],
         Field(description="x, y [m], yaw [rad] of the image's lower left corner in the map frame"),
     ]
     mode: Annotated[
         Literal["trinary", "scale", "raw"],
-        BeforeValidator(_lower),
+        BeforeValidator(lambda value: str(value).lower()),
         Field(description="meaning of the grey levels"),
     ] = "trinary"
     negate: Annotated[

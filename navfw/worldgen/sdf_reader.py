@@ -12,7 +12,6 @@ import re
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -21,9 +20,10 @@ from navfw.assumption import Assumption
 from navfw.config.foreign_files import line_of, read_xml
 from navfw.config.input_file import shown_path
 from navfw.errors import ConfigError, WorldError
-from navfw.meshes import read_triangles
+from navfw.meshes.mesh_file import read_triangles, solid_mesh
 from navfw.numerics import Array
 from navfw.numerics.products import product
+from navfw.robot.sdf_pose import sdf_numbers
 from navfw.sim.shapes import Circle, Rectangle, Shape
 from navfw.sim.upright_parts import UprightPart, mesh_solids
 from navfw.worldgen.sdf_models import SdfFiles, SdfFrames, included_model
@@ -195,57 +195,45 @@ class _SdfReader:
             self._model(nested, at, f"{name}-{nested.get('name', 'model')}", frames.file)
 
     def _collision(self, collision: Element, pose: Array, model: str) -> None:
-        geometry = collision.find("geometry")
-        for shape in geometry if geometry is not None else ():
+        for shape in collision.iterfind("geometry/*"):
             if shape.tag == "mesh":
                 self._mesh(shape, pose, model)
             elif shape.tag in _SOLIDS:
-                upright = int(np.argmax(np.abs(pose[2, :3])))
-                standing = abs(pose[2, upright]) >= math.cos(_UPRIGHT)
-                if shape.tag == "cylinder" and standing and upright == 2:
-                    self._cylinder(shape, pose, model)
-                elif shape.tag == "box" and standing:
-                    self._box(shape, pose, model, upright)
-                else:
-                    self._parts(self._solid(shape), shape, pose, model)
+                self._solid(shape, pose, model)
             elif shape.tag not in _FLAT:
                 self._unsupported(shape, f"a <{shape.tag}> of the model {model!r}")
             elif shape.tag == "plane":
-                up = product(
-                    pose[2, :3], np.array(self._numbers(shape, "normal", 3, [0.0, 0.0, 1.0]))
-                )
-                if abs(up) < _LEVEL:
+                normal = self._numbers(shape, "normal", 3, [0.0, 0.0, 1.0])
+                if abs(product(pose[2, :3], np.array(normal))) < _LEVEL:
                     self._unsupported(shape, f"an upright <plane> of the model {model!r}")
 
-    def _cylinder(self, shape: Element, pose: Array, model: str) -> None:
-        radius, length = (self._size(shape, key, 1)[0] for key in ("radius", "length"))
+    def _solid(self, shape: Element, pose: Array, model: str) -> None:
+        """Add an upright cylinder or box, or the upright parts of another shape."""
+        size = np.array(self._extent(shape))
+        half = np.maximum(0.5 * size, _MIN_HALF)
         x, y, z = pose[:3, 3].tolist()
-        self._add(model, Circle(x, y, max(radius, _MIN_HALF)), z - 0.5 * length, z + 0.5 * length)
-
-    def _box(self, shape: Element, pose: Array, model: str, upright: int) -> None:
-        size = self._size(shape, "size", 3)
         # a box may rest on any of its faces: its two other edges are horizontal
-        first, second = ((upright + 1) % 3, (upright + 2) % 3)
-        yaw = math.atan2(pose[1, first], pose[0, first])
-        x, y, z = pose[:3, 3].tolist()
-        half_x, half_y = (max(0.5 * size[n], _MIN_HALF) for n in (first, second))
-        outline = Rectangle(x, y, half_x, half_y, yaw)
-        self._add(model, outline, z - 0.5 * size[upright], z + 0.5 * size[upright])
+        upright = int(np.argmax(np.abs(pose[2, :3])))
+        standing = abs(pose[2, upright]) >= math.cos(_UPRIGHT)
+        low, high = z - 0.5 * size[upright], z + 0.5 * size[upright]
+        if shape.tag == "cylinder" and standing and upright == 2:
+            self._add(model, Circle(x, y, half[0]), low, high)
+        elif shape.tag == "box" and standing:
+            first, second = ((upright + 1) % 3, (upright + 2) % 3)
+            yaw = math.atan2(pose[1, first], pose[0, first])
+            self._add(model, Rectangle(x, y, half[first], half[second], yaw), low, high)
+        else:
+            self._parts(solid_mesh(shape.tag, size).corners, shape, pose, model)
 
-    def _solid(self, shape: Element) -> Array:
-        """Triangles (n, 3, 3) [m] of a shape around its own middle."""
-        from trimesh import creation
-
-        make: Any = creation
+    def _extent(self, shape: Element) -> list[float]:
+        """The extent (x, y, z) [m] of a shape along its own axes."""
         keys = _SOLIDS[shape.tag].items()
         sizes = [number for key, count in keys for number in self._size(shape, key, count)]
-        if shape.tag == "box":
-            mesh = make.box(sizes)
-        elif shape.tag in {"sphere", "ellipsoid"}:
-            mesh = make.icosphere().apply_scale(sizes if len(sizes) > 1 else sizes[0])
-        else:  # cylinder, cone, capsule
-            mesh = getattr(make, shape.tag)(radius=sizes[0], height=sizes[1])
-        return np.asarray(mesh.triangles - mesh.bounds.mean(axis=0), dtype=np.float64)
+        if shape.tag in {"box", "ellipsoid"}:
+            return [size if shape.tag == "box" else 2.0 * size for size in sizes]
+        across, *straight = 2.0 * sizes[0], *sizes[1:]
+        ends = across if shape.tag in {"sphere", "capsule"} else 0.0
+        return [across, across, sum(straight) + ends]
 
     def _mesh(self, shape: Element, pose: Array, model: str) -> None:
         uri = (shape.findtext("uri") or "").strip()
@@ -301,18 +289,4 @@ class _SdfReader:
         child = element.find(key)
         if child is None:
             return missing
-        text = (child.text or "").split()
-        if not text and missing:
-            return missing
-        try:
-            numbers = [float(word) for word in text]
-        except ValueError:
-            numbers = []
-        if len(numbers) != count or not all(abs(number) < 1e6 for number in numbers):
-            raise ConfigError(
-                f"expected {count} number{'s' if count > 1 else ''}, got {' '.join(text)!r}",
-                file=shown_path(self._file),
-                line=line_of(child),
-                key=f"{element.tag}.{key}",
-            )
-        return numbers
+        return sdf_numbers(child, count, missing, shown_path(self._file), f"{element.tag}.{key}")
