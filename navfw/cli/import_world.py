@@ -19,9 +19,6 @@ from navfw.errors import InputError
 from navfw.process.atomic import output_place
 from navfw.process.work_progress import ProgressCallback, silent
 
-_IMAGE_SUFFIXES = (".pgm", ".png", ".bmp", ".ppm", ".pnm", ".jpg", ".jpeg", ".tif", ".tiff")
-"""Files that are imported as the image of a floor plan."""
-
 
 @dataclass(frozen=True, slots=True)
 class ImportOptions:
@@ -73,14 +70,13 @@ class ImportOptions:
 
     def check(self, file: Path) -> bool:
         """Whether ``file`` is a plan; raises InputError for an option that is not for its kind."""
+        from navfw.topomap.occupancy_map import IMAGE_SUFFIXES
+
         kind = file.suffix.lower()
-        plan = kind in {".yaml", ".yml", *_IMAGE_SUFFIXES}
-        others = _OF_SDF if plan else (*_OF_PLANS, "resolution")
-        if plan and kind not in _IMAGE_SUFFIXES:
-            others = (*others, "resolution")
-        for name in others:
-            value = getattr(self, name)
-            if value is not None and value is not False:
+        plan = kind in {".yaml", ".yml", *IMAGE_SUFFIXES}
+        others = _OF_SDF if plan else _OF_PLANS
+        for name in others if kind in IMAGE_SUFFIXES else (*others, "resolution"):
+            if getattr(self, name) not in (None, False):
                 option = f"--{name.replace('_', '-')}"
                 raise InputError(f"is not for {kind or 'such'} files; leave it out", key=option)
         return plan
@@ -155,7 +151,7 @@ def _import_plan(source: Path, out: Path, options: ImportOptions, report: Progre
     plan = read_plan(source, options.resolution)
     made = import_plan(plan, source.stem, report, inside=inside, named=named, **cleaning)
     folder = made.write(out)
-    (area, (x, y)), *others = made.pieces
+    (area, (x, y)), *others = made.clean.pieces
     kinds = Counter(place.kind for place in made.topo_map.places.values())
     places, edges, doors = kinds.total(), len(made.topo_map.passages), kinds["door"]
     data = {
@@ -171,7 +167,7 @@ def _import_plan(source: Path, out: Path, options: ImportOptions, report: Progre
         "kinds": sorted(kinds),
         "edges": edges,
         "missions": {name: made.lengths[name] for name in made.missions},
-        "picture": None if made.picture is None else str(folder / PIECES_FILE),
+        "picture": None if made.clean.picture is None else str(folder / PIECES_FILE),
         "assumed": [one.as_data() for one in made.assumed],
     }
     lines = (
@@ -179,7 +175,7 @@ def _import_plan(source: Path, out: Path, options: ImportOptions, report: Progre
         f"{area:.0f} m2 free around {x:.2f},{y:.2f}; {places} places, {doors} doors, {edges} edges",
         *(f"  navfw run {folder} {name}  ({made.lengths[name]:.1f} m)" for name in made.missions),
     )
-    if made.picture is not None:
+    if made.clean.picture is not None:
         lines += (f"other pieces of free ground: {len(others)}; picture {folder / PIECES_FILE}",)
     if max(made.lengths.values()) < MIN_PATH:
         lines += (f"the plan is too small for a mission of {MIN_PATH:g} m",)

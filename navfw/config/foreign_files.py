@@ -1,4 +1,4 @@
-"""XML files from elsewhere, with the line of each element."""
+"""XML files from elsewhere, with the file and line of each element."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from xml.parsers import expat
 from navfw.config.input_file import MAX_TEXT, read_input, shown_path
 from navfw.errors import ConfigError
 
-_LINE = "navfw-line"
-"""Attribute with the line of an element."""
+_FILE, _LINE = "navfw-file", "navfw-line"
+"""Attributes with the file and the line of an element."""
 
 
 def read_xml(path: Path, what: str) -> Element:
-    """The root element of the file; ``line_of`` gives the line of each element.
+    """The root element of the file; each element knows its file and line.
 
     Raises:
         ConfigError: the file cannot be read, is too large, or not XML; the message says that
@@ -25,11 +25,17 @@ def read_xml(path: Path, what: str) -> Element:
 
 
 def parse_xml(content: bytes, name: str, what: str) -> Element:
-    """The root element of ``content``, that of the file ``name``; see ``read_xml``."""
+    """The root element of ``content``, that of the file ``name``; see ``read_xml``.
+
+    An expanded xacro file has other lines than the file.
+    """
     parser, builder = expat.ParserCreate(), TreeBuilder()
 
     def start(tag: str, attributes: dict[str, str]) -> None:
-        builder.start(tag, {**attributes, _LINE: str(parser.CurrentLineNumber)})
+        attributes[_FILE] = name
+        if not name.endswith(".xacro"):
+            attributes[_LINE] = str(parser.CurrentLineNumber)
+        builder.start(tag, attributes)
 
     parser.StartElementHandler = start
     parser.EndElementHandler = builder.end
@@ -52,3 +58,14 @@ def parse_xml(content: bytes, name: str, what: str) -> Element:
 def line_of(element: Element) -> int:
     """The line [from 1] of an element in its file."""
     return int(element.get(_LINE, "1"))
+
+
+def file_of(element: Element) -> Path:
+    """The file of an element."""
+    return Path(element.get(_FILE, ""))
+
+
+def element_error(element: Element, message: str, key: str | None = None) -> ConfigError:
+    """Make the error about an element, with its file and line."""
+    line = int(element.get(_LINE, "0")) or None
+    return ConfigError(message, file=element.get(_FILE), line=line, key=key)

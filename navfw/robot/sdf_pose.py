@@ -7,8 +7,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from navfw.config.foreign_files import line_of
-from navfw.errors import ConfigError
+from navfw.config.foreign_files import element_error
 from navfw.numerics import Array
 from navfw.robot.urdf_model import quaternion_matrix, rigid_transform
 
@@ -16,8 +15,8 @@ _MAX = 1e6  # chosen
 """Bound of coordinates [m] and angles."""
 
 
-def sdf_pose(pose: Element, file: str) -> Array:
-    """Convert a <pose> in ``file`` into a transform (4, 4); the identity if it is empty.
+def sdf_pose(pose: Element) -> Array:
+    """Convert a <pose> into a transform (4, 4); the identity if it is empty.
 
     Its angles are in radians, or with ``degrees`` in degrees; with the ``rotation_format``
     ``quat_xyzw`` it has a quaternion instead.
@@ -29,14 +28,14 @@ def sdf_pose(pose: Element, file: str) -> Array:
     form = pose.get("rotation_format", "euler_rpy")
     in_degrees = pose.get("degrees", "false").strip() in {"true", "1"}
     none = {"euler_rpy": [0.0] * 6, "quat_xyzw": [0.0] * 6 + [1.0]}.get(form, [])
-    numbers = sdf_numbers(pose, len(none), none, file, "pose") if none else []
+    numbers = sdf_numbers(pose, len(none), none, "pose") if none else []
     at, turns, wrong = numbers[:3], numbers[3:], ""
     if not none:
         wrong = f"the rotation_format euler_rpy or quat_xyzw, got {form!r}"
     elif form == "quat_xyzw" and (in_degrees or not any(turns)):
         wrong = "no degrees with a quaternion" if in_degrees else "a quaternion other than 0"
     if wrong:
-        raise ConfigError(f"expected {wrong}", file=file, line=line_of(pose), key="pose")
+        raise element_error(pose, f"expected {wrong}", "pose")
     if form == "euler_rpy":
         return rigid_transform(*at, *(map(math.radians, turns) if in_degrees else turns))
     frame = np.eye(4)
@@ -45,10 +44,8 @@ def sdf_pose(pose: Element, file: str) -> Array:
     return frame
 
 
-def sdf_numbers(
-    element: Element, count: int, missing: list[float], file: str, key: str
-) -> list[float]:
-    """Read the numbers in an element of ``file``; ``missing`` if it is empty.
+def sdf_numbers(element: Element, count: int, missing: list[float], key: str) -> list[float]:
+    """Read the numbers in an element; ``missing`` if it is empty.
 
     Raises:
         ConfigError: they are not ``count`` numbers below 1e6; the message has ``key``.
@@ -63,5 +60,5 @@ def sdf_numbers(
         numbers = []
     if len(numbers) != count or not all(abs(number) < _MAX for number in numbers):
         what = f"expected {count} number{'s' if count > 1 else ''}, got {' '.join(text)!r}"
-        raise ConfigError(what, file=file, line=line_of(element), key=key)
+        raise element_error(element, what, key)
     return numbers

@@ -17,7 +17,7 @@ import networkx as nx
 import numpy as np
 
 from navfw.config.extras import require_extra
-from navfw.config.foreign_files import line_of, parse_xml
+from navfw.config.foreign_files import element_error, parse_xml
 from navfw.config.input_file import read_input, shown_path
 from navfw.config.lookup import package_roots
 from navfw.errors import ConfigError, did_you_mean
@@ -32,7 +32,6 @@ from navfw.robot.urdf_model import (
     attribute_numbers,
     is_shaped,
     origin_frame,
-    urdf_error,
 )
 
 _BULLET_DATA = "pybullet_data:"
@@ -87,23 +86,20 @@ def read_urdf(path: Path, packages: tuple[str, ...] = (), args: tuple[str, ...] 
 def _parsed(path: Path, packages: tuple[str, ...], text: bytes) -> UrdfModel:
     root = parse_xml(text, shown_path(path), "a URDF robot")
     if root.tag != "robot":
-        raise ConfigError(
-            f"expected a URDF <robot>, got <{root.tag}>; a xacro file ends in .xacro",
-            file=shown_path(path),
-            line=line_of(root),
-        )
-    links = _named(path, root, "link")
+        what = f"expected a URDF <robot>, got <{root.tag}>; a xacro file ends in .xacro"
+        raise element_error(root, what)
+    links = _named(root, "link")
     if not links:
         what = "; name the file that calls its macros" if path.suffix == ".xacro" else ""
-        raise urdf_error(path, root, f"the robot has no <link>{what}")
-    elements = _named(path, root, "joint")
-    unlimited = tuple(name for name, element in elements.items() if _unlimited(path, element))
-    joints = {name: _joint(path, element, links) for name, element in elements.items()}
-    _check_tree(path, links, joints, elements)
-    inertials = _inertials(path, links)
+        raise element_error(root, f"the robot has no <link>{what}")
+    elements = _named(root, "joint")
+    unlimited = tuple(name for name, element in elements.items() if _unlimited(element))
+    joints = {name: _joint(element, links) for name, element in elements.items()}
+    _check_tree(links, joints, elements)
+    inertials = _inertials(links)
     seen = tuple(_let_visuals_collide(links, joints))
     collisions = tuple(
-        _collision(path, name, collision)
+        _collision(name, collision)
         for name, link in links.items()
         for collision in link.findall("collision")
     )
@@ -112,22 +108,22 @@ def _parsed(path: Path, packages: tuple[str, ...], text: bytes) -> UrdfModel:
     )
 
 
-def _named(path: Path, root: Element, tag: str) -> dict[str, Element]:
+def _named(root: Element, tag: str) -> dict[str, Element]:
     """The elements of that tag by their names, each of which is there once."""
     named: dict[str, Element] = {}
     for element in root.findall(tag):
         name = element.get("name", "")
         if not 0 < len(name) <= _MAX_NAME:
             what = f"a <{tag}> needs a name of 1 to {_MAX_NAME} characters, got {name[:20]!r}"
-            raise urdf_error(path, element, what)
+            raise element_error(element, what)
         first = named.setdefault(name, element)
         if first is not element:
-            raise urdf_error(path, element, f"a second {tag} {name!r}: rename or remove one")
+            raise element_error(element, f"a second {tag} {name!r}: rename or remove one")
     return named
 
 
 def _check_tree(
-    path: Path, links: dict[str, Element], joints: dict[str, UrdfJoint], at: dict[str, Element]
+    links: dict[str, Element], joints: dict[str, UrdfJoint], at: dict[str, Element]
 ) -> None:
     """Check that the joints, which stand ``at`` their elements, make one tree of all links."""
     above: dict[str, str] = {}
@@ -136,29 +132,29 @@ def _check_tree(
     for name, joint in joints.items():
         if (first := above.setdefault(joint.child, name)) != name:
             what = f"its child link {joint.child!r} hangs on joint {first!r}; remove one"
-            raise urdf_error(path, at[name], f"joint {name!r}: {what}")
+            raise element_error(at[name], f"joint {name!r}: {what}")
     for loop in nx.simple_cycles(tree):
         last = max((above[link] for link in loop), key=list(joints).index)
         round_ = ", ".join(link for link in links if link in loop)
         what = f"closes a loop of the links {round_}; remove it, or another of them"
-        raise urdf_error(path, at[last], f"joint {last!r} {what}")
+        raise element_error(at[last], f"joint {last!r} {what}")
     roots = [link for link in links if link not in above]
     root, *others = sorted(roots, key=lambda link: -len(nx.descendants(tree, link)))
     for other in others:
         what = f"link {other!r} is attached by no joint, and {root!r} is the root: add a joint with"
-        raise urdf_error(path, links[other], f'{what} <child link="{other}"/>, or remove the link')
+        raise element_error(links[other], f'{what} <child link="{other}"/>, or remove the link')
     if root == "world":
         what = "link 'world' holds the robot in place: remove it, and the joint that hangs on it"
-        raise urdf_error(path, links[root], what)
+        raise element_error(links[root], what)
 
 
-def _unlimited(path: Path, joint: Element) -> bool:
+def _unlimited(joint: Element) -> bool:
     """Whether a revolute joint may turn more than once; it then becomes a continuous one."""
     if joint.get("type") != "revolute":
         return False
     limit = joint.find("limit")
     if limit is not None and {"lower", "upper"} & set(limit.keys()):
-        low, high = (attribute_numbers(path, limit, key, [0.0])[0] for key in ("lower", "upper"))
+        low, high = (attribute_numbers(limit, key, [0.0])[0] for key in ("lower", "upper"))
         if high - low <= _TURN:
             return False
     joint.set("type", "continuous")
@@ -188,25 +184,25 @@ def _let_visuals_collide(links: dict[str, Element], joints: dict[str, UrdfJoint]
                 yield member.get("name", "")
 
 
-def _collision(path: Path, link: str, element: Element) -> UrdfCollision:
+def _collision(link: str, element: Element) -> UrdfCollision:
     shapes = element.findall("geometry/*")
     if not is_shaped(element):
         known = ", ".join(f"<{tag} {'= '.join(keys)}=>" for tag, keys in SHAPES.items())
         got = "".join(f"<{shape.tag}>" for shape in shapes) or "nothing"
         what = f"link {link!r}: its <{element.tag}> needs one shape in <geometry>, got {got}"
-        raise urdf_error(path, element, f"{what}; known: {known}")
+        raise element_error(element, f"{what}; known: {known}")
     shape, size, radius = shapes[0], None, 0.0
     if shape.tag != "mesh":
-        radius = attribute_numbers(path, shape, "radius", [0.0])[0]
-        length = attribute_numbers(path, shape, "length", [0.0])[0]
+        radius = attribute_numbers(shape, "radius", [0.0])[0]
+        length = attribute_numbers(shape, "length", [0.0])[0]
         if shape.tag in {"sphere", "capsule"}:
             length += 2.0 * radius
         round_ = [2.0 * radius, 2.0 * radius, length]
-        size = np.array(attribute_numbers(path, shape, "size", round_))
-    return UrdfCollision(link, shape, origin_frame(path, element.find("origin")), size, radius)
+        size = np.array(attribute_numbers(shape, "size", round_))
+    return UrdfCollision(link, shape, origin_frame(element.find("origin")), size, radius)
 
 
-def _inertials(path: Path, links: dict[str, Element]) -> dict[str, tuple[float, Element]]:
+def _inertials(links: dict[str, Element]) -> dict[str, tuple[float, Element]]:
     """The mass [kg] and the <inertial> of each link that has a mass; others lose theirs.
 
     Moments that are not there become 0.
@@ -215,10 +211,10 @@ def _inertials(path: Path, links: dict[str, Element]) -> dict[str, tuple[float, 
     for name, link in links.items():
         for inertial in link.findall("inertial")[:1]:
             element = inertial.find("mass")
-            mass = 0.0 if element is None else attribute_numbers(path, element, "value", [0.0])[0]
+            mass = 0.0 if element is None else attribute_numbers(element, "value", [0.0])[0]
             if mass < 0.0:
                 what = f"link {name!r}: expected a mass above 0 kg, got {mass:g}"
-                raise urdf_error(path, inertial, what)
+                raise element_error(inertial, what)
             if mass == 0.0:
                 link.remove(inertial)
                 continue
@@ -230,20 +226,20 @@ def _inertials(path: Path, links: dict[str, Element]) -> dict[str, tuple[float, 
     return inertials
 
 
-def _joint(path: Path, element: Element, links: dict[str, Element]) -> UrdfJoint:
+def _joint(element: Element, links: dict[str, Element]) -> UrdfJoint:
     name, kind = element.get("name", ""), element.get("type", "")
     if kind not in KINDS:
-        raise urdf_error(path, element, f"joint {name!r}: expected a type of {KINDS}, got {kind!r}")
+        raise element_error(element, f"joint {name!r}: expected a type of {KINDS}, got {kind!r}")
     ends: dict[str, str] = {}
     for end in ("parent", "child"):
         named = element.find(end)
         link = ends[end] = "" if named is None else named.get("link", "")
         if link not in links:
             what = f"joint {name!r}: its {end} link {link!r} does not exist"
-            raise urdf_error(path, element, f"{what}; {did_you_mean(link, links)}")
+            raise element_error(element, f"{what}; {did_you_mean(link, links)}")
     axis = [1.0, 0.0, 0.0]
     for told in element.findall("axis")[:1]:
-        axis = attribute_numbers(path, told, "xyz", axis)
+        axis = attribute_numbers(told, "xyz", axis)
     return UrdfJoint(
-        name, kind, **ends, frame=origin_frame(path, element.find("origin")), axis=np.array(axis)
+        name, kind, **ends, frame=origin_frame(element.find("origin")), axis=np.array(axis)
     )

@@ -70,8 +70,9 @@ class _CameraView:
 def _view(model: UrdfModel, link: str, sensor: Element | None = None) -> _CameraView:
     at = frame = model.frame_of(link)
     if sensor is not None and (pose := sensor.find("pose")) is not None:
-        frame = product(at, sdf_pose(pose, shown_path(model.file)))
-    optical = frame[2, 1] < _DOWN or ("optical" in link.lower() and np.array_equal(frame, at))
+        frame = product(at, sdf_pose(pose))
+    turned = not np.array_equal(frame, at)
+    optical = bool(frame[2, 1] < _DOWN) or ("optical" in link.lower() and not turned)
     if optical:
         frame = np.hstack([product(frame[:, :3], _OPTICAL), frame[:, 3:]])
     return _CameraView(link, sensor, frame, optical)

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from navfw.assumption import Assumption
+from navfw.config.foreign_files import element_error
 from navfw.config.input_file import shown_path
 from navfw.errors import ConfigError
 from navfw.numerics import Array
@@ -32,7 +33,6 @@ from navfw.robot.urdf_model import (
     UrdfModel,
     attribute_numbers,
     origin_frame,
-    urdf_error,
 )
 
 _DENSITY = 1000.0  # derived
@@ -67,14 +67,14 @@ def impossible_inertias(
     impossible = {}
     for link, (mass, inertial) in model.inertials.items():
         element = next(inertial.iter("inertia"))
-        moments = [attribute_numbers(model.file, element, key, [0.0])[0] for key in MOMENTS]
+        moments = [attribute_numbers(element, key, [0.0])[0] for key in MOMENTS]
         xx, yy, zz, xy, xz, yz = moments
         matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         low, middle, high = np.linalg.eigvalsh(matrix).tolist()
         size, reach = np.full(3, (mass / _DENSITY) ** (1.0 / 3.0)), _WIDE_ROOM * extent
         shapes = _extent(model, ((c, c.frame) for c in model.collisions if c.link == link))
         if shapes is not None:
-            centre = origin_frame(model.file, inertial.find("origin"))[:3, 3]
+            centre = origin_frame(inertial.find("origin"))[:3, 3]
             size = shapes[1] - shapes[0]
             reach = _ROOM * math.hypot(*np.abs(np.array(shapes) - centre).max(axis=0))
         squares = size * size
@@ -84,7 +84,7 @@ def impossible_inertias(
             continue
         have, would = (", ".join(f"{m:.2g}" for m in ms) for ms in ((low, middle, high), box))
         reason = f"no body of {mass:g} kg and its size has the principal moments {have} kg m^2"
-        what = f"{urdf_error(model.file, element, f'inertia of link {link!r}')}"
+        what = f"{element_error(element, f'inertia of link {link!r}')}"
         taken = f"that of a box, ixx, iyy, izz = {would}"
         reason = reason if any(moments) else "the file gives none"
         impossible[link] = Assumption(what, taken, reason), box

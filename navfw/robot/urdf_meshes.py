@@ -8,6 +8,7 @@ from xml.etree.ElementTree import tostring
 
 import numpy as np
 
+from navfw.config.foreign_files import element_error
 from navfw.config.input_file import cached_by_files, is_file, is_folder, read_input, shown_path
 from navfw.config.lookup import package_folders, package_roots
 from navfw.errors import ConfigError
@@ -18,7 +19,6 @@ from navfw.robot.urdf_model import (
     UrdfModel,
     attribute_numbers,
     is_shaped,
-    urdf_error,
 )
 
 _PACKAGE, _FILE = "package://", "file://"
@@ -52,14 +52,14 @@ def check_meshes(model: UrdfModel) -> None:
         file = _mesh_path(model, name)
         if file is not None and is_file(file):
             if _is_empty(file):
-                raise urdf_error(
-                    model.file, mesh, f"mesh {name!r}: {shown_path(file)} is empty: no triangle"
+                raise element_error(
+                    mesh, f"mesh {name!r}: {shown_path(file)} is empty: no triangle"
                 )
         elif mesh in colliding:
             advice = "name the folder with its package in urdf.packages or ROS_PACKAGE_PATH"
             if file is not None:
                 advice = f"copy it to {shown_path(file)}"
-            raise urdf_error(model.file, mesh, f"mesh {name!r} does not exist; {advice}")
+            raise element_error(mesh, f"mesh {name!r} does not exist; {advice}")
 
 
 def _is_empty(file: Path) -> bool:
@@ -80,15 +80,15 @@ def mesh_corners(model: UrdfModel, collision: UrdfCollision) -> Array:
 
     """
     name = collision.shape.get("filename", "")
-    scale = attribute_numbers(model.file, collision.shape, "scale", [1.0, 1.0, 1.0])
+    scale = attribute_numbers(collision.shape, "scale", [1.0, 1.0, 1.0])
     try:
         corners = _triangles(_mesh_path(model, name) or Path(name)).reshape(-1, 3) * scale
     except ConfigError as error:
-        raise urdf_error(model.file, collision.shape, f"mesh {name!r}: {error}") from None
+        raise element_error(collision.shape, f"mesh {name!r}: {error}") from None
     size = float(np.ptp(corners, axis=0).max())
     if size > _MAX_SIZE:
         what = f'mesh {name!r} is {size:g} m large: give scale="0.001 0.001 0.001" if it is in mm'
-        raise urdf_error(model.file, collision.shape, what)
+        raise element_error(collision.shape, what)
     return corners
 
 

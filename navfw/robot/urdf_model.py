@@ -11,9 +11,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from navfw.config.foreign_files import line_of
-from navfw.config.input_file import shown_path
-from navfw.errors import ConfigError
+from navfw.config.foreign_files import element_error
 from navfw.numerics import Array
 from navfw.numerics.products import product
 
@@ -114,12 +112,12 @@ def is_shaped(element: Element) -> bool:
     return len(shapes) == 1 and set(SHAPES.get(shapes[0].tag, ("",))) <= set(shapes[0].keys())
 
 
-def origin_frame(path: Path, origin: Element | None) -> Array:
+def origin_frame(origin: Element | None) -> Array:
     """Convert an <origin> into a transform (4, 4); the identity if it is None."""
     if origin is None:
         return np.eye(4)
-    x, y, z = attribute_numbers(path, origin, "xyz", [0.0, 0.0, 0.0])
-    return rigid_transform(x, y, z, *attribute_numbers(path, origin, "rpy", [0.0, 0.0, 0.0]))
+    x, y, z = attribute_numbers(origin, "xyz", [0.0, 0.0, 0.0])
+    return rigid_transform(x, y, z, *attribute_numbers(origin, "rpy", [0.0, 0.0, 0.0]))
 
 
 def rigid_transform(x: float, y: float, z: float, roll: float, pitch: float, yaw: float) -> Array:
@@ -146,7 +144,7 @@ def quaternion_matrix(x: float, y: float, z: float, w: float) -> Array:
     )
 
 
-def attribute_numbers(path: Path, element: Element, key: str, default: list[float]) -> list[float]:
+def attribute_numbers(element: Element, key: str, default: list[float]) -> list[float]:
     """Read the numbers of an attribute, as many as ``default`` has; ``default`` if it is missing.
 
     Raises:
@@ -162,11 +160,5 @@ def attribute_numbers(path: Path, element: Element, key: str, default: list[floa
         values = []
     if len(values) != len(default) or not all(math.isfinite(value) for value in values):
         expected = f"{len(default)} finite number{'s' if len(default) > 1 else ''}"
-        raise urdf_error(path, element, f"{key}: expected {expected}, got {text!r}")
+        raise element_error(element, f"{key}: expected {expected}, got {text!r}")
     return values
-
-
-def urdf_error(path: Path, element: Element, message: str) -> ConfigError:
-    """Make an error at the line of an element in the file at ``path``; a xacro file has others."""
-    line = None if path.suffix == ".xacro" else line_of(element)
-    return ConfigError(message, file=shown_path(path), line=line)

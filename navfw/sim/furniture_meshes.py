@@ -7,12 +7,13 @@ from typing import Literal
 
 import numpy as np
 
+from navfw.config.foreign_files import element_error
 from navfw.config.input_file import cached_by_files, shown_path
 from navfw.errors import ConfigError
 from navfw.meshes.mesh_file import MAX_TRIANGLES, TriangleMesh, joined, read_mesh, solid_mesh
 from navfw.numerics.products import product
 from navfw.robot.urdf import read_urdf
-from navfw.robot.urdf_model import UrdfCollision, attribute_numbers, urdf_error
+from navfw.robot.urdf_model import UrdfCollision, attribute_numbers
 
 Up = Literal["y", "z"]
 
@@ -74,11 +75,11 @@ def _shape_mesh(path: Path, collision: UrdfCollision) -> TriangleMesh:
     if size is not None:
         if min(size) <= 0.0:
             key = "size" if shape.tag == "box" else "length" if collision.radius > 0.0 else "radius"
-            raise urdf_error(path, shape, f"{key} of <{shape.tag}>: expected positive lengths [m]")
+            raise element_error(shape, f"{key} of <{shape.tag}>: expected positive lengths [m]")
         return solid_mesh(shape.tag, size)
     mesh = read_mesh(path.parent / shape.get("filename", ""))
-    scale = attribute_numbers(path, shape, "scale", [1.0, 1.0, 1.0])
+    scale = attribute_numbers(shape, "scale", [1.0, 1.0, 1.0])
     if min(scale) > 0.0:
         return mesh.moved(np.diag([*scale, 1.0]))
     what = "expected positive scales; mirror the mesh in a modelling program"
-    raise urdf_error(path, shape, what)
+    raise element_error(shape, what)

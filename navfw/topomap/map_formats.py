@@ -76,44 +76,45 @@ def _add_data(owner: Element, values: dict[str, str | float | None]) -> None:
 class _GraphmlReader:
     """Reads one file, keeping the line of each element for error messages."""
 
-    def __init__(self, path: Path, both_ways: bool) -> None:
+    def __init__(self, path: Path) -> None:
         self._path = path
-        self._both_ways = both_ways
         self._keys: dict[str, tuple[str, str]] = {}  # id: attr.name, attr.type
 
-    def read(self) -> TopoMap:
-        root = read_xml(self._path, "GraphML")
-        elements = [(element.tag.rpartition(":")[2], element) for element in root.iter()]
-        graphs = [element for tag, element in elements if tag == "graph"]
-        if not graphs:
-            raise MapError(
-                "expected GraphML: there is no <graph>", file=shown_path(self._path), line=1
-            )
-        default = "true" if graphs[0].get("edgedefault") == "directed" else "false"
-        for tag, key in elements:
-            if tag == "key":
-                name = key.get("attr.name", "")
-                self._keys[key.get("id", "")] = (name, key.get("attr.type", "string"))
-        nodes = [(node, self._values(node)) for tag, node in elements if tag == "node"]
-        frame = self._frame_of(graphs[0], [values for _, values in nodes])
-        self._importer = mapfile.MapImporter(shown_path(self._path), self._both_ways, frame)
+    def read(self, both_ways: bool) -> TopoMap:
+        file, root = shown_path(self._path), read_xml(self._path, "GraphML")
+        for element in root.iter():
+            element.tag = element.tag.rpartition(":")[2]
+        graph = next(root.iter("graph"), None)
+        if graph is None:
+            raise MapError("expected GraphML: there is no <graph>", file=file, line=1)
+        for key in root.iter("key"):
+            kind = key.get("attr.type", "string")
+            self._keys[key.get("id", "")] = (key.get("attr.name", ""), kind)
+        for edge in root.iter("hyperedge"):
+            raise self._error(edge, edge.tag, "a passage connects two places: use several edges")
+        nodes = [(node, self._values(node)) for node in root.iter("node")]
+        frame = self._frame_of(graph, [values for _, values in nodes])
+        importer = mapfile.MapImporter(file, both_ways, frame)
         for node, values in nodes:
             name = self._attribute(node, "id")
             if "x" in values and "y" in values:
                 values["x"], values["y"] = frame(values["x"], values["y"])
-            self._importer.add_place(name, values, line_of(node), f"node {name!r}")
-        for tag, element in elements:
-            if tag == "edge":
-                ends = self._attribute(element, "source"), self._attribute(element, "target")
-                directed = element.get("directed", default) == "true"
-                self._importer.add_edge(
-                    *ends, self._values(element), line_of(element), directed=directed
-                )
-            elif tag == "graph":
-                self._add_graph_data(element)
-            elif tag == "hyperedge":
-                raise self._error(element, tag, "a passage connects two places: use several edges")
-        return self._importer.finish(graphs[0].get("id") or "graph")
+            importer.add_place(name, values, line_of(node), f"node {name!r}")
+        for edge in root.iter("edge"):
+            ends = self._attribute(edge, "source"), self._attribute(edge, "target")
+            directed = edge.get("directed", graph.get("edgedefault")) in {"true", "directed"}
+            importer.add_edge(*ends, self._values(edge), line_of(edge), directed=directed)
+        values = self._values(graph)
+        importer.set_floor_plan(values.get("floor_plan"), line_of(graph))
+        try:
+            landmarks = parse_json(str(values.get("landmarks", "{}")), file)
+        except ConfigError:
+            landmarks = None
+        if not isinstance(landmarks, dict):
+            what = "expected a JSON object of landmarks by name"
+            raise self._error(graph, "landmarks", what)
+        importer.add_landmarks(landmarks, line_of(graph))
+        return importer.finish(graph.get("id") or "graph")
 
     def _frame_of(self, graph: Element, nodes: list[dict[str, Any]]) -> LocalFrame:
         """The frame of the nodes; those of navfw's own files are in metres."""
@@ -124,24 +125,10 @@ class _GraphmlReader:
         except ValueError as error:
             raise self._error(graph, "crs", str(error)) from None
 
-    def _add_graph_data(self, graph: Element) -> None:
-        values, line = self._values(graph), line_of(graph)
-        self._importer.set_floor_plan(values.get("floor_plan"), line)
-        try:
-            landmarks = parse_json(str(values.get("landmarks", "{}")), shown_path(self._path))
-        except ConfigError:
-            landmarks = None
-        if not isinstance(landmarks, dict):
-            what = "expected a JSON object of landmarks by name"
-            raise self._error(graph, "landmarks", what)
-        self._importer.add_landmarks(landmarks, line)
-
     def _values(self, element: Element) -> dict[str, Any]:
         """Return the <data> of an element by name, as the types that their keys declare."""
         values: dict[str, Any] = {}
-        for data in element:
-            if data.tag.rpartition(":")[2] != "data":
-                continue
+        for data in element.findall("data"):
             key, text = data.get("key", ""), data.text or ""
             name, kind = self._keys.get(key, (key, "string"))
             try:
@@ -156,9 +143,8 @@ class _GraphmlReader:
     def _attribute(self, element: Element, name: str) -> str:
         value = element.get(name, "")
         if not value:
-            tag = element.tag.rpartition(":")[2]
-            what = f"expected the attribute {name!r}, as in <{tag} {name}=...>"
-            raise self._error(element, tag, what)
+            what = f"expected the attribute {name!r}, as in <{element.tag} {name}=...>"
+            raise self._error(element, element.tag, what)
         return value
 
     def _error(self, element: Element, key: str, message: str) -> MapError:
@@ -208,7 +194,7 @@ def load_any_map(
             document = parse_mapping(text, name)  # raises
         return mapfile.read_map(document, *([] if check_kind is None else [check_kind]))
     if _WRITERS[_suffix(path)] is graphml_text:
-        return _GraphmlReader(path, both_ways).read()
+        return _GraphmlReader(path).read(both_ways)
     text = read_input_text(path)
     return read_geojson(text, shown_path(path), both_ways)
 

@@ -77,16 +77,13 @@ def reference_length(world_file: Path) -> float | None:
 def _cells(path: Path) -> Array:
     """(n, 2) cells of a reference path."""
     try:
-        content = io.BytesIO(read_input(path))
-        cells = read_array(content, allow_pickle=False)
+        cells = read_array(io.BytesIO(read_input(path)), allow_pickle=False)
     except (ValueError, EOFError, OSError) as error:
         raise ConfigError(f"is no NumPy array: {error}", file=path) from None
-    if cells.ndim != 2 or cells.shape[1] != 2 or cells.dtype.kind not in "iuf":
-        raise ConfigError(
-            f"expected cells (n, 2) of a reference path, got {cells.dtype} {cells.shape}", file=path
-        )
-    if not np.isfinite(cells).all():
-        raise ConfigError("has cells that are not finite", file=path)
+    is_path = cells.ndim == 2 and cells.shape[1] == 2 and cells.dtype.kind in "iuf"
+    if not is_path or not np.isfinite(cells).all():
+        what = f"expected finite cells (n, 2) of a path, got {cells.dtype} {cells.shape}"
+        raise ConfigError(what, file=path)
     return np.asarray(cells, dtype=np.float64)
 
 
@@ -142,13 +139,12 @@ def import_world(
     if content.unsupported and not skip_unsupported:
         raise _unsupported(path, content)
     barn = _is_barn(content)
-    start = start or (_BARN_START if barn else None)
-    goal = goal or (_BARN_GOAL if barn else None)
+    if barn:
+        start, goal = start or _BARN_START, goal or _BARN_GOAL
     if start is None or goal is None:
-        missing = " and ".join(
-            option for option, at in (("--start", start), ("--goal", goal)) if at is None
-        )
-        raise InputError(f"has no start and goal of its own: give {missing}", file=path)
+        missing = ["--start"] * (start is None) + ["--goal"] * (goal is None)
+        what = f"has no start and goal of its own: give {' and '.join(missing)}"
+        raise InputError(what, file=path)
     _stand_on_floor(content, [start[:2], goal])
     with rewording("is out of range: ", file=path):
         world = _world(path, content, barn, [start[:2], goal])
@@ -168,16 +164,12 @@ def import_world(
 def _unsupported(path: Path, content: SdfWorld) -> InputError:
     """The error that lists the unsupported elements, and says where files were looked up."""
     lines = content.unsupported[:_MAX_LISTED]
-    if len(content.unsupported) > _MAX_LISTED:
-        lines.append(f"{len(content.unsupported) - _MAX_LISTED} more")
-    what = "\n  ".join(("has unsupported elements:", *lines))
+    more = len(content.unsupported) - len(lines)
+    what = "\n  ".join(("has unsupported elements:", *lines, *[f"{more} more"] * (more > 0)))
     if any("not found" in line for line in lines):
-        what += (
-            f"\nlooked in {', '.join(dict.fromkeys(map(shown_path, content.folders)))}; name the"
-        )
-        what += " folder that has the models with --models or GAZEBO_MODEL_PATH"
-    if any("http" in line for line in lines):
-        what += " (gz fuel download -u URL gets them)"
+        looked = ", ".join(dict.fromkeys(map(shown_path, content.folders)))
+        what += f"\nlooked in {looked}; name the folder that has the models with --models or"
+        what += " GAZEBO_MODEL_PATH (gz fuel download -u URL gets those of an address)"
     return InputError(f"{what}\n--skip-unsupported leaves them out", file=path)
 
 
@@ -185,10 +177,8 @@ def _stand_on_floor(content: SdfWorld, ends: Sequence[Goal]) -> None:
     """Lower the world by the height of the slab on which both ``ends`` are, if there is one."""
     slabs = [s for s in content.shapes if s.bottom < _MAX_STEP and 0.0 < s.top <= _MAX_STEP]
     inside = [[s for s in slabs if s.shape.distance(np.array([end]))[0] < 0.0] for end in ends]
-    if not all(inside):
-        return
-    first, last = (max(below, key=lambda solid: solid.top) for below in inside)
-    if abs(first.top - last.top) > _MIN_HEIGHT:
+    first, last = (max(below, key=lambda solid: solid.top, default=None) for below in inside)
+    if first is None or last is None or abs(first.top - last.top) > _MIN_HEIGHT:
         return
     content.shapes = [
         replace(s, bottom=s.bottom - first.top, top=s.top - first.top) for s in content.shapes
@@ -251,9 +241,9 @@ def _description(path: Path, boxes: int, cylinders: int, meshes: int, barn: bool
         f"{count} {what}" for count, what in ((cylinders, "cylinders"), (boxes, "boxes")) if count
     ]
     added = "procedural textures, light, and a floor that ends 3 m beyond everything"
+    what = "a Gazebo world"
     if barn:
-        added = f"the poles' height of {POLE_HEIGHT:g} m, {added}"
-    what = "a BARN world" if barn else "a Gazebo world"
+        what, added = "a BARN world", f"the poles' height of {POLE_HEIGHT:g} m, {added}"
     if meshes:
         what += f" (with the upright parts of {'a mesh' if meshes == 1 else f'{meshes} meshes'})"
     return f"{' and '.join(parts) or 'Nothing'} from {path.name}, {what}. Added: {added}."

@@ -97,19 +97,20 @@ def cleaned(
     free = joined == joined[labels == taken][0]
     cells: Cells = np.where(free, FREE, np.where(plan.occupied, OCCUPIED, UNKNOWN)).astype(np.int8)
     ground: Cells = np.where(free & (labels != taken) & (labels > 0), UNKNOWN, cells)
-    parts = (
-        OccupancyMap(cells, plan.resolution, plan.origin, plan.file),
-        OccupancyMap(ground, plan.resolution, plan.origin, plan.file),
-        tuple(zip(areas[order].tolist(), map(tuple, points), strict=True)),
+    pieces = tuple(zip(areas[order].tolist(), map(tuple, points), strict=True))
+    assumed: tuple[Assumption, ...] = ()
+    picture = None
+    if inside is None:
+        assumed = _assumed(pieces, along=_border_share(labels)[taken] >= _ALONG)
+    if inside is None and len(order) > 1:
+        drawn = np.select([labels == taken, labels > 0, plan.occupied, plan.free], [1, 2, 3, 4])
+        grey, black, white = ((level,) * 3 for level in (160, 0, 255))
+        colours = np.array([grey, (80, 170, 60), (70, 150, 240), black, white], np.uint8)
+        picture = colours[drawn[::-1]]
+    made, mapped = (
+        OccupancyMap(c, plan.resolution, plan.origin, plan.file) for c in (cells, ground)
     )
-    if inside is not None:
-        return CleanedPlan(*parts)
-    assumed = _assumed(parts[2], along=_border_share(labels)[taken] >= _ALONG)
-    if len(order) == 1:
-        return CleanedPlan(*parts, assumed)
-    drawn = np.select([labels == taken, labels > 0, plan.occupied, plan.free], [1, 2, 3, 4])
-    colours = np.array([(160,) * 3, (80, 170, 60), (70, 150, 240), (0,) * 3, (255,) * 3], np.uint8)
-    return CleanedPlan(*parts, assumed, colours[drawn[::-1]])
+    return CleanedPlan(made, mapped, pieces, assumed, picture)
 
 
 def _assumed(pieces: tuple[tuple[float, Point], ...], *, along: bool) -> tuple[Assumption, ...]:

@@ -16,7 +16,7 @@ import numpy as np
 from navfw.assumption import Assumption
 from navfw.errors import InputError, MapError
 from navfw.missions.missionspec import MissionSpec
-from navfw.numerics import Array, Image
+from navfw.numerics import Array
 from navfw.process.atomic import atomic_file
 from navfw.process.work_progress import ProgressCallback, silent
 from navfw.signals import Pose
@@ -106,24 +106,21 @@ _Way = tuple[float, str, str]
 class ImportedPlan(MadeWorld):
     """The world of a floor plan, whose map comes with the cleaned plan.
 
-    ``lengths`` [m] are those of the missions' paths, ``size`` [m] is that of the free ground;
-    ``pieces`` are the area [m^2] and widest point of its pieces, first the one that is mapped;
-    ``picture`` shows them if that one is ``assumed``.
+    ``lengths`` [m] are those of the missions' paths, ``size`` [m] is that of the free ground.
     """
 
+    clean: CleanedPlan
     lengths: Mapping[str, float]
-    pieces: tuple[tuple[float, Point], ...]
     size: tuple[float, float]
     assumed: tuple[Assumption, ...]
-    picture: Image | None
 
     def write(self, folder: str | Path) -> Path:
         """As ``MadeWorld.write``, with the picture as ``PIECES_FILE``."""
         folder = super().write(folder)
         (folder / PIECES_FILE).unlink(missing_ok=True)
-        if self.picture is not None:
+        if self.clean.picture is not None:
             with atomic_file(folder / PIECES_FILE) as target:
-                target.write_bytes(cv2.imencode(".png", self.picture)[1].tobytes())
+                target.write_bytes(cv2.imencode(".png", self.clean.picture)[1].tobytes())
         return folder
 
 
@@ -202,11 +199,10 @@ def import_plan(
         world=world,
         missions=missions,
         topo_map=topo_map,
+        clean=clean,
         lengths=lengths,
-        pieces=clean.pieces,
         size=size,
         assumed=assumed,
-        picture=clean.picture,
     )
 
 

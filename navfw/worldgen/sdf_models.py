@@ -14,8 +14,8 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from navfw.config.foreign_files import line_of, read_xml
-from navfw.config.input_file import is_file, real_path, shown_path
+from navfw.config.foreign_files import element_error, read_xml
+from navfw.config.input_file import is_file, real_path
 from navfw.config.lookup import package_folders
 from navfw.errors import ConfigError, did_you_mean
 from navfw.numerics import Array
@@ -26,8 +26,6 @@ _PATHS = ("GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH
 """Variables of the environment with folders of models."""
 _FUEL = re.compile(r"https?://[^/]*(?:gazebosim|ignitionrobotics)[^/]*/.*/models/([^/]+)(?:/.*)?")
 """An address of a model on Fuel, Gazebo's collection."""
-_FILE = "navfw-file"
-"""Attribute of an element that was read from another file than those around it."""
 _FRAMES = ("joint", "frame", "model", "link")
 """Elements whose names are frames; of one name the last counts."""
 _HERE: Array = np.eye(4)
@@ -87,8 +85,8 @@ def _sdf_name(folder: Path) -> str:
     return (files[-1].text or "").strip() if files else "model.sdf"
 
 
-def included_model(include: Element, file: Path, found: Path) -> Element:
-    """The model in the file ``found`` under name, pose and other values of <include> in ``file``.
+def included_model(include: Element, found: Path) -> Element:
+    """The model in the file ``found`` under name, pose and other values of <include>.
 
     Raises:
         ConfigError: the file is no SDF file of a model.
@@ -97,28 +95,21 @@ def included_model(include: Element, file: Path, found: Path) -> Element:
     root = read_xml(found, "an SDF model")
     model = root.find("model")
     if root.tag != "sdf" or model is None:
-        what = f"expected <sdf> with a <model>, got <{root.tag}>"
-        raise ConfigError(what, file=shown_path(found), line=line_of(root))
-    model.set(_FILE, str(found))
+        raise element_error(root, f"expected <sdf> with a <model>, got <{root.tag}>")
     model.set("name", (include.findtext("name") or model.get("name") or "model").strip())
-    for tag in ("pose", "static", "placement_frame"):
-        element = include.find(tag)
-        if element is not None:
-            for own in model.findall(tag):
-                model.remove(own)
-            element.set(_FILE, str(file))
-            model.append(element)
-    if include.find("placement_frame") is not None:
-        model.set("placement_frame", (include.findtext("placement_frame") or "").strip())
+    for own in include:
+        if own.tag == "placement_frame":
+            model.set(own.tag, (own.text or "").strip())
+        elif own.tag in {"pose", "static"}:
+            model[:] = [own, *(child for child in model if child.tag != own.tag)]
     return model
 
 
 class SdfFrames:
     """The frames within a world or model, in which its elements have their poses."""
 
-    def __init__(self, element: Element, file: Path) -> None:
+    def __init__(self, element: Element) -> None:
         self.element = element
-        self.file = Path(element.get(_FILE, str(file)))
         self._named = {
             child.get("name", ""): child for tag in _FRAMES for child in element.findall(tag)
         }
@@ -138,11 +129,11 @@ class SdfFrames:
         own = _HERE
         if pose is not None:
             frame = pose.get("relative_to") or pose.get("frame") or frame
-            own = sdf_pose(pose, shown_path(Path(pose.get(_FILE, str(self.file)))))
+            own = sdf_pose(pose)
         placed: Array = product(self._frame(frame, element) if frame else base, own)
         placement = element.get("placement_frame")
         if placement:
-            inner = SdfFrames(element, self.file)._frame(placement, element)
+            inner = SdfFrames(element)._frame(placement, element)
             back = np.eye(4)
             back[:3, :3] = inner[:3, :3].T
             back[:3, 3] = -product(back[:3, :3], inner[:3, 3])
@@ -158,8 +149,8 @@ class SdfFrames:
             what = f"unknown frame {name!r}; {did_you_mean(first, self._named)}"
             if element is not None:
                 what = f"the frame {name!r} depends on itself"
-            raise ConfigError(what, file=shown_path(self.file), line=line_of(asker), key="pose")
+            raise element_error(asker, what, "pose")
         self._asked.append(element)
         frame = self.place(element)
         self._asked.pop()
-        return product(frame, SdfFrames(element, self.file)._frame(rest, asker)) if rest else frame
+        return product(frame, SdfFrames(element)._frame(rest, asker)) if rest else frame

@@ -17,8 +17,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from navfw.assumption import Assumption
-from navfw.config.foreign_files import line_of, read_xml
-from navfw.config.input_file import shown_path
+from navfw.config.foreign_files import element_error, file_of, line_of, read_xml
 from navfw.errors import ConfigError, WorldError
 from navfw.meshes.mesh_file import read_triangles, solid_mesh
 from navfw.numerics import Array
@@ -89,7 +88,7 @@ def read_sdf(path: str | Path, models: Path | None = None) -> SdfWorld:
     path = Path(path)
     root = read_xml(path, "an SDF world")
     if root.tag != "sdf":
-        raise ConfigError(f"expected an SDF world, got <{root.tag}>", file=path, line=line_of(root))
+        raise element_error(root, f"expected an SDF world, got <{root.tag}>")
     worlds = root.findall("world") or ([root] if root.find("model") is not None else [])
     if len(worlds) != 1:
         raise ConfigError(f"expected one <world>, found {len(worlds)}", file=path, line=1)
@@ -100,7 +99,6 @@ class _SdfReader:
     """Collects the shapes of one world; each mesh is read once."""
 
     def __init__(self, path: Path, models: Path | None) -> None:
-        self.path = self._file = path
         self._files = SdfFiles(path, models)
         self._triangles = cache(read_triangles)
         self.content = SdfWorld(folders=self._files.folders)
@@ -109,12 +107,13 @@ class _SdfReader:
         self._left: dict[tuple[str, str], list[str]] = {}
 
     def read(self, world: Element) -> SdfWorld:
-        self._include(world, (self.path,))
+        self._file = file_of(world)
+        self._include(world, ())
         # a saved state has the models' poses at which Gazebo starts
         state = world.find("state")
         if state is not None:
             self._moved = {m.get("name", ""): m for m in state.findall("model")}
-        frames = SdfFrames(world, self.path)
+        frames = SdfFrames(world)
         for element in world:
             name = element.get("name", "")
             if element.tag == "model":
@@ -132,31 +131,28 @@ class _SdfReader:
     def _assume(self, taken: str, reason: str, name: str) -> None:
         self._left.setdefault((taken, reason), []).append(name)
 
-    def _include(self, element: Element, files: tuple[Path, ...]) -> None:
+    def _include(self, element: Element, above: tuple[Path, ...]) -> None:
         """Put the included models, and theirs, into the places of their <include>.
 
-        ``files`` are that of the element, last, and those that include it.
+        ``above`` are the files of the models that include the element.
         """
         for index, child in enumerate(list(element)):
             if child.tag == "model":
-                self._include(child, files)
+                self._include(child, above)
             if child.tag != "include":
                 continue
-            self._file = files[-1]
             uri = " ".join((child.findtext("uri") or "").split())
             ground = _GROUND.fullmatch(uri)
-            inner = None if ground else self._files.find_model(uri, files[-1])
+            inner = None if ground else self._files.find_model(uri, file_of(child))
             if ground and "sun" not in ground[1].lower():
                 self._assume("the floor, at z = 0", "it is the included one", "ground plane")
-            elif inner in files:
-                what = f"the model {uri!r} includes itself"
-                raise ConfigError(what, file=shown_path(files[-1]), line=line_of(child))
+            elif inner in above:
+                raise element_error(child, f"the model {uri!r} includes itself")
             elif inner is not None:
-                element[index] = included_model(child, files[-1], inner)
-                self._include(element[index], (*files, inner))
+                element[index] = included_model(child, inner)
+                self._include(element[index], (*above, inner))
             elif not ground:
                 self._unsupported(child, f"the included model {uri!r}: not found")
-        self._file = self.path
 
     def _outermost(self, model: Element, frames: SdfFrames) -> None:
         name = model.get("name", "model")
@@ -181,18 +177,17 @@ class _SdfReader:
                 self._assume("left out", "a plugin drives it", name)
                 return
             self._assume("standing still", "not static in the file", name)
-        self._model(model, pose, name, frames.file)
+        self._model(model, pose, name)
 
-    def _model(self, model: Element, placed: Array, name: str, file: Path) -> None:
-        frames = SdfFrames(model, file)
+    def _model(self, model: Element, placed: Array, name: str) -> None:
+        frames = SdfFrames(model)
         for link in model.findall("link"):
             at = frames.place(link)
             for collision in link.findall("collision"):
-                self._file = frames.file
                 self._collision(collision, product(placed, frames.place(collision, at)), name)
         for nested in model.findall("model"):
             at = product(placed, frames.place(nested))
-            self._model(nested, at, f"{name}-{nested.get('name', 'model')}", frames.file)
+            self._model(nested, at, f"{name}-{nested.get('name', 'model')}")
 
     def _collision(self, collision: Element, pose: Array, model: str) -> None:
         for shape in collision.iterfind("geometry/*"):
@@ -241,7 +236,7 @@ class _SdfReader:
             self._unsupported(shape, f"a part of a mesh (<submesh>) of the model {model!r}")
             return
         scale = self._numbers(shape, "scale", 3, [1.0, 1.0, 1.0])
-        file = self._files.find(uri, self._file)
+        file = self._files.find(uri, file_of(shape))
         if file is None:
             self._unsupported(shape, f"the mesh {uri!r} of the model {model!r}: not found")
             return
@@ -254,9 +249,8 @@ class _SdfReader:
         try:
             parts = mesh_solids(product(triangles, pose[:3, :3].T) + pose[:3, 3])
         except WorldError as error:
-            raise WorldError(
-                f"the {shape.tag} {uri!r} {error}", file=shown_path(self._file), line=line_of(shape)
-            ) from None
+            what = f"the {shape.tag} {uri!r} {error}"
+            raise WorldError(what, file=file_of(shape), line=line_of(shape)) from None
         self.content.meshes += 1
         for solid in parts:
             self._add(model, solid.shape, solid.bottom, solid.top, self.content.meshes)
@@ -271,22 +265,18 @@ class _SdfReader:
         self.content.shapes.append(UprightPart(shape, bottom, top, name, mesh))
 
     def _unsupported(self, element: Element, what: str) -> None:
-        at = "line " if self._file == self.path else f"{shown_path(self._file)}:"
+        at = "line " if file_of(element) == self._file else f"{file_of(element)}:"
         self.content.unsupported.append(f"{at}{line_of(element)}: {what}")
 
     def _size(self, shape: Element, key: str, count: int) -> list[float]:
         numbers = self._numbers(shape, key, count, [])
         if not numbers or min(numbers) <= 0.0:
-            raise ConfigError(
-                f"expected {'sizes' if count > 1 else 'a size'} above 0 m, got {numbers or 'none'}",
-                file=shown_path(self._file),
-                line=line_of(shape),
-                key=f"{shape.tag}.{key}",
-            )
+            what = f"expected {'sizes' if count > 1 else 'a size'} above 0 m"
+            raise element_error(shape, f"{what}, got {numbers or 'none'}", f"{shape.tag}.{key}")
         return numbers
 
     def _numbers(self, element: Element, key: str, count: int, missing: list[float]) -> list[float]:
         child = element.find(key)
         if child is None:
             return missing
-        return sdf_numbers(child, count, missing, shown_path(self._file), f"{element.tag}.{key}")
+        return sdf_numbers(child, count, missing, f"{element.tag}.{key}")

@@ -112,8 +112,8 @@ def two_pieces(gap: float = 0.0) -> OccupancyMap:
 def test_the_piece_with_a_point_is_taken(gap: float) -> None:
     plan = two_pieces(gap)  # the robot does not fit through 0.4 m
     large, small = import_plan(plan, "x"), import_plan(plan, "x", inside=(15.0, 1.0))
-    assert [area for area, _ in large.pieces] == pytest.approx([91.2, 55.5], abs=0.3)
-    assert small.pieces == large.pieces[::-1]
+    assert [area for area, _ in large.clean.pieces] == pytest.approx([91.2, 55.5], abs=0.3)
+    assert small.clean.pieces == large.clean.pieces[::-1]
     assert all(place.x < 12.0 for place in large.topo_map.places.values())
     assert all(place.x > 12.5 for place in small.topo_map.places.values())
     for point, message in (
