@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
@@ -69,3 +70,22 @@ def element_error(element: Element, message: str, key: str | None = None) -> Con
     """Make the error about an element, with its file and line."""
     line = int(element.get(_LINE, "0")) or None
     return ConfigError(message, file=element.get(_FILE), line=line, key=key)
+
+
+def numbers_in(
+    element: Element, text: str, count: int, key: str, most: float = math.inf
+) -> list[float]:
+    """Read ``count`` numbers in a text of an element, of magnitudes below ``most``.
+
+    Raises:
+        ConfigError: it has others; the message has ``key``.
+
+    """
+    try:
+        numbers = [float(word) for word in text.split()]
+    except ValueError:
+        numbers = []
+    if len(numbers) != count or not all(abs(number) < most for number in numbers):
+        what = f"expected {count} number{'s' if count > 1 else ''}, got {' '.join(text.split())!r}"
+        raise element_error(element, what, key)
+    return numbers

@@ -7,7 +7,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from navfw.config.foreign_files import element_error
+from navfw.config.foreign_files import element_error, numbers_in
 from navfw.numerics import Array
 from navfw.robot.urdf_model import quaternion_matrix, rigid_transform
 
@@ -45,20 +45,6 @@ def sdf_pose(pose: Element) -> Array:
 
 
 def sdf_numbers(element: Element, count: int, missing: list[float], key: str) -> list[float]:
-    """Read the numbers in an element; ``missing`` if it is empty.
-
-    Raises:
-        ConfigError: they are not ``count`` numbers below 1e6; the message has ``key``.
-
-    """
-    text = (element.text or "").split()
-    if not text and missing:
-        return missing
-    try:
-        numbers = [float(word) for word in text]
-    except ValueError:
-        numbers = []
-    if len(numbers) != count or not all(abs(number) < _MAX for number in numbers):
-        what = f"expected {count} number{'s' if count > 1 else ''}, got {' '.join(text)!r}"
-        raise element_error(element, what, key)
-    return numbers
+    """Read the numbers in an element; ``missing`` if it is empty. Raises as ``numbers_in``."""
+    text = element.text or ""
+    return numbers_in(element, text, count, key, _MAX) if text.strip() or not missing else missing

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +27,6 @@ from navfw.robot.urdf_drive import ACROSS, axis_across, axis_of, model_of, urdf_
 from navfw.robot.urdf_meshes import mesh_corners
 from navfw.robot.urdf_model import (
     MOMENTS,
-    UrdfCollision,
     UrdfJoint,
     UrdfModel,
     attribute_numbers,
@@ -72,7 +70,7 @@ def impossible_inertias(
         matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         low, middle, high = np.linalg.eigvalsh(matrix).tolist()
         size, reach = np.full(3, (mass / _DENSITY) ** (1.0 / 3.0)), _WIDE_ROOM * extent
-        shapes = _extent(model, ((c, c.frame) for c in model.collisions if c.link == link))
+        shapes = _extent(model, link)
         if shapes is not None:
             centre = origin_frame(inertial.find("origin"))[:3, 3]
             size = shapes[1] - shapes[0]
@@ -132,9 +130,9 @@ def measured(model: UrdfModel, said: dict[str, Any]) -> dict[str, Any]:
     ahead = float(said.get("turning_point") or 0.0)
     middle = centres[:, :2].mean(axis=0)
     floor = float(centres[:, 2].min()) - float(said.get("wheel_radius") or radius)
-    shapes = ((c, product(model.frame_of(c.link), c.frame)) for c in model.collisions)
-    extent = _extent(model, shapes)
-    if extent is not None:
+    extents = [e for link in model.links if (e := _extent(model, link, model.frame_of(link)))]
+    if extents:
+        extent = np.min([e[0] for e in extents], axis=0), np.max([e[1] for e in extents], axis=0)
         low, high = extent - np.array([middle[0] + ahead, middle[1], floor])
         width = 2.0 * max(-low[1], high[1])
         body = {"front": high[0], "rear": -low[0], "width": width}
@@ -200,8 +198,7 @@ def _casters(model: UrdfModel, wheels: list[UrdfJoint]) -> list[str]:
 def _lowest(model: UrdfModel, link: str) -> float:
     """Height [m] of the lowest point of a link's shapes in the root link; of its origin if none."""
     frame = model.frame_of(link)
-    shapes = ((c, product(frame, c.frame)) for c in model.collisions if c.link == link)
-    extent = _extent(model, shapes)
+    extent = _extent(model, link, frame)
     return float(frame[2, 3] if extent is None else extent[0][2])
 
 
@@ -223,12 +220,11 @@ def _points(corners: Array, frame: Array) -> Array:
     return points
 
 
-def _extent(
-    model: UrdfModel, shapes: Iterable[tuple[UrdfCollision, Array]]
-) -> tuple[Array, Array] | None:
-    """Least and greatest (3,) [m] of shapes at frames (4, 4); None without any."""
+def _extent(model: UrdfModel, link: str, at: Array | None = None) -> tuple[Array, Array] | None:
+    """Least and greatest (3,) [m] of a link's shapes, the link ``at`` a frame; None without any."""
     lows, highs = [], []
-    for collision, frame in shapes:
+    for collision in (c for c in model.collisions if c.link == link):
+        frame = collision.frame if at is None else product(at, collision.frame)
         turn, centre = frame[:3, :3], frame[:3, 3]
         if collision.size is None:
             points = _points(mesh_corners(model, collision), frame)

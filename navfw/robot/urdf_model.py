@@ -11,7 +11,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from navfw.config.foreign_files import element_error
+from navfw.config.foreign_files import numbers_in
 from navfw.numerics import Array
 from navfw.numerics.products import product
 
@@ -154,11 +154,4 @@ def attribute_numbers(element: Element, key: str, default: list[float]) -> list[
     text = element.get(key)
     if text is None or "$(" in text:  # a leftover of xacro, which PyBullet reads as 0
         return default
-    try:
-        values = [float(word) for word in text.split()]
-    except ValueError:
-        values = []
-    if len(values) != len(default) or not all(math.isfinite(value) for value in values):
-        expected = f"{len(default)} finite number{'s' if len(default) > 1 else ''}"
-        raise element_error(element, f"{key}: expected {expected}, got {text!r}")
-    return values
+    return numbers_in(element, text, len(default), key)

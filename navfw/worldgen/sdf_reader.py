@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import defaultdict
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -104,7 +105,7 @@ class _SdfReader:
         self.content = SdfWorld(folders=self._files.folders)
         self._taken: set[str] = set()
         self._moved: dict[str, Element] = {}
-        self._left: dict[tuple[str, str], list[str]] = {}
+        self._left: defaultdict[tuple[str, str], list[str]] = defaultdict(list)
 
     def read(self, world: Element) -> SdfWorld:
         self._file = file_of(world)
@@ -119,7 +120,7 @@ class _SdfReader:
             if element.tag == "model":
                 self._outermost(element, frames)
             elif element.tag == "actor":
-                self._assume("left out", "they walk", name)
+                self._left["left out", "they walk"].append(name)
             elif element.tag not in _IGNORED:
                 self._unsupported(element, f"<{element.tag}> {name}".strip())
         self.content.assumed += [
@@ -127,9 +128,6 @@ class _SdfReader:
             for (taken, reason), names in self._left.items()
         ]
         return self.content
-
-    def _assume(self, taken: str, reason: str, name: str) -> None:
-        self._left.setdefault((taken, reason), []).append(name)
 
     def _include(self, element: Element, above: tuple[Path, ...]) -> None:
         """Put the included models, and theirs, into the places of their <include>.
@@ -145,7 +143,7 @@ class _SdfReader:
             ground = _GROUND.fullmatch(uri)
             inner = None if ground else self._files.find_model(uri, file_of(child))
             if ground and "sun" not in ground[1].lower():
-                self._assume("the floor, at z = 0", "it is the included one", "ground plane")
+                self._left["the floor, at z = 0", "it is the included one"].append("ground plane")
             elif inner in above:
                 raise element_error(child, f"the model {uri!r} includes itself")
             elif inner is not None:
@@ -164,7 +162,7 @@ class _SdfReader:
                 self._unsupported(moved, f"the scaled model {name!r}")
                 return
             if moved.find("pose") is not None:
-                self._assume("where <state> has them", "Gazebo starts there", name)
+                self._left["where <state> has them", "Gazebo starts there"].append(name)
                 pose = frames.place(moved)
         static = any(
             (one.findtext("static") or "").strip().lower() in ("1", "true")
@@ -174,9 +172,9 @@ class _SdfReader:
         if not static and any(shape.tag not in _FLAT for shape in shapes):
             plugins = (p.get("name", "") + p.get("filename", "") for p in model.iter("plugin"))
             if any(map(_DRIVEN.search, plugins)):
-                self._assume("left out", "a plugin drives it", name)
+                self._left["left out", "a plugin drives it"].append(name)
                 return
-            self._assume("standing still", "not static in the file", name)
+            self._left["standing still", "not static in the file"].append(name)
         self._model(model, pose, name)
 
     def _model(self, model: Element, placed: Array, name: str) -> None:

@@ -102,7 +102,10 @@ TREES = {
     ),
     "misspelt": (GOOD.replace('child link="ball"', 'child link="bal"'), "did you mean 'ball'"),
     "negative mass": (GOOD.replace('mass value="0.1"', 'mass value="-1"'), "mass above 0 kg, got"),
-    "mass nan": (GOOD.replace('mass value="0.1"', 'mass value="nan"'), "expected 1 finite number"),
+    "mass nan": (
+        GOOD.replace('mass value="0.1"', 'mass value="nan"'),
+        "expected 1 number, got 'nan'",
+    ),
     "cone": (GOOD.replace("<sphere", "<cone"), r"'ball': its <collision> needs one .* got <cone>"),
     "no radius": (GOOD.replace('radius="0.03"', ""), "got <sphere>; known: .*<sphere radius=>"),
     "no geometry": (GOOD.replace('<sphere radius="0.03"/>', ""), "in <geometry>, got nothing"),

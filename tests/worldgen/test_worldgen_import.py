@@ -214,9 +214,9 @@ def test_the_reference_path_runs_from_the_start_over_its_cells_to_the_goal(tmp_p
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (np.zeros((3, 3)), "expected cells"),
-        (np.array(["a"]), "expected cells"),
-        (np.array([[np.nan, 1.0]]), "not finite"),
+        (np.zeros((3, 3)), "expected finite cells"),
+        (np.array(["a"]), "expected finite cells"),
+        (np.array([[np.nan, 1.0]]), "expected finite cells"),
         (np.array([{}], dtype=object), "no NumPy array"),
         (None, "no NumPy array"),
     ],

@@ -107,7 +107,7 @@ def test_a_model_that_is_not_there_is_named_once_with_the_folders(tmp_path: Path
     assert "line 3: the included model 'model://shelf': not found" in said
     assert f"line 4: the included model '{FUEL}Depot': not found" in said
     assert said.count("name the folder that has the models with --models or GAZEBO_MODEL_PATH") == 1
-    assert "gz fuel download -u URL gets them" in said
+    assert "gz fuel download -u URL gets those" in said
 
 
 def test_the_ground_and_the_sun_are_the_worlds_own(tmp_path: Path) -> None:
