@@ -242,11 +242,11 @@ def test_the_notebooks_run_without_a_display(dist: Path, tmp_path: Path) -> None
 
 @pytest.mark.slow
 def test_builds_of_one_revision_are_equal(dist: Path, tmp_path: Path) -> None:
-    """Built again from a copy in another folder, with other times and permissions."""
+    """Built again from a copy in another folder, with other times."""
     copy = tmp_path / "copy"
     ignored = shutil.ignore_patterns(*LOCAL, ".mypy_cache", ".ruff_cache", "generated")
-    shutil.copytree(ROOT, copy, ignore=ignored, copy_function=shutil.copyfile)
-    shutil.copyfile(ROOT / ".gitignore", copy / ".gitignore")
+    shutil.copytree(ROOT, copy, ignore=ignored, copy_function=shutil.copy)
+    shutil.copy(ROOT / ".gitignore", copy / ".gitignore")
     out = tmp_path / "dist"
     run([uv(), "build", "--quiet", "--out-dir", str(out), str(copy)], copy, check=True)
     for built in (*dist.glob("*.whl"), *dist.glob("*.tar.gz")):
