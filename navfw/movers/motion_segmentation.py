@@ -92,7 +92,8 @@ def segment_motion(flow: FlowField, fall: Array, camera: CameraModel) -> tuple[M
 def _patches(moving: Mask) -> Mask:
     """Return those of the ``moving`` cells (rows, cols) that fill patches, but for a few."""
     cells = moving.view(np.uint8)
-    count = cv2.filter2D(cells, -1, _PATCH, borderType=cv2.BORDER_CONSTANT)
+    # on arm64, filter2D of OpenCV 5.0 counts wrong
+    count = cv2.boxFilter(cells, -1, _PATCH.shape, normalize=False, borderType=cv2.BORDER_CONSTANT)
     patches = cv2.dilate((np.asarray(count) >= _PATCH_CELLS).view(np.uint8), _PATCH)
     return np.asarray(patches).view(np.bool_) & moving
 
