@@ -71,8 +71,11 @@ def load_calibration(path: Path, camera: str | None = None) -> CameraCalibration
             supported; there are several cameras, and none is named; with file and line.
 
     """
-    file = shown_path(path)
-    text = read_input_text(path)
+    return read_calibration(read_input_text(path), shown_path(path), camera)
+
+
+def read_calibration(text: str, file: str, camera: str | None = None) -> CameraCalibration:
+    """Read the ``text`` of a calibration ``file``; see ``load_calibration``."""
     if text.lstrip().startswith("<"):
         document = _xml_document(text, file)
     else:

@@ -186,6 +186,9 @@ _MAX_FLAT = math.radians(155.0)  # chosen
 """Largest field of view [rad] of a lens that no fisheye's model describes."""
 _MARGIN = 64.0  # chosen
 """How far [px] outside of the image the map of ``distort`` points at most."""
+_BORDER = 0.02  # chosen
+"""Share of the width that an image may lack of a field of view that is given: its border is
+repeated there."""
 _STEPS = 33  # chosen: number of points on each side of the image's border
 _SEARCHES = 30  # chosen: halvings in the search for the focal length
 
@@ -195,8 +198,9 @@ class Undistortion:
 
     The result has the same size, square pixels, the principal point in its centre, and shows only
     what the lens shows: its focal length is the least without black margins. ``hfov`` [rad] is its
-    horizontal field of view; ``notes`` say what was done to the calibration or the images. ``key``
-    is the option or key that gave the calibration, named in errors.
+    horizontal field of view, the widest unless it is given; ``notes`` say what was done to the
+    ``calibration`` or the images. ``key`` is the option or key that gave the calibration, named in
+    errors.
 
     Raises:
         InputError: the calibration is for images of another shape, its coefficients cannot be
@@ -210,9 +214,10 @@ class Undistortion:
         width: int,
         height: int,
         key: str | None = "--calibration",
+        hfov: float | None = None,
     ) -> None:
         self._key = key
-        self._calibration = calibration
+        self.calibration = calibration
         self._size = width, height
         self.notes: list[str] = []
         self._lens = replace(calibration, matrix=self._scaled_matrix())
@@ -220,14 +225,14 @@ class Undistortion:
         if view > _MAX_FLAT and calibration.model not in {FISHEYE, ARCTAN}:
             what = f"gives a field of view of {math.degrees(view):.0f} degrees, beyond its model"
             raise self._error(f"{what}: expected focal lengths in pixels of this size of images")
-        focal = self._focal()
-        self.hfov = 2.0 * math.atan(0.5 * width / focal)
+        self._focal = self._widest() if hfov is None else self._of_view(hfov)
+        self.hfov = 2.0 * math.atan(0.5 * width / self._focal)
         if self.hfov < _MIN_VIEW:
             raise self._error(
                 f"gives a field of view of {math.degrees(self.hfov):.1f} degrees; expected focal "
                 "lengths in pixels of this size of images"
             )
-        self._maps = self._lens.pinhole_maps(focal, width, height)
+        self._maps = self._lens.pinhole_maps(self._focal, width, height)
         shown = math.degrees(self.hfov)
         by = f"distortion removed by {calibration.file}"
         self.notes.append(f"{by}: images then show {shown:.1f} degrees across")
@@ -239,7 +244,8 @@ class Undistortion:
 
     def apply(self, image: Image) -> Image:
         """Remove the distortion of ``image`` (height, width), or one with channels."""
-        straight = cv2.remap(image, self._maps[0], self._maps[1], cv2.INTER_LINEAR)
+        edge = cv2.BORDER_REPLICATE
+        straight = cv2.remap(image, *self._maps, cv2.INTER_LINEAR, borderMode=edge)
         return np.asarray(straight, dtype=np.uint8)
 
     def distort(self, image: Image) -> Image:
@@ -270,11 +276,11 @@ class Undistortion:
 
         Images of the same shape are taken for the scaled whole of the calibrated ones.
         """
-        matrix = self._calibration.matrix.copy()
+        matrix = self.calibration.matrix.copy()
         width, height = self._size
-        if self._calibration.size is None:
+        if self.calibration.size is None:
             self.notes.append(
-                f"{self._calibration.file} does not say its size of images: taken as {width} x "
+                f"{self.calibration.file} does not say its size of images: taken as {width} x "
                 f"{height}"
             )
             x, y = matrix[:2, 2]
@@ -284,7 +290,7 @@ class Undistortion:
                     f"{width} x {height} px; calibrate at the size of the recording"
                 )
             return matrix
-        full_width, full_height = self._calibration.size
+        full_width, full_height = self.calibration.size
         if (full_width, full_height) == (width, height):
             return matrix
         message = f"is for images of {full_width} x {full_height} px, not {width} x {height}"
@@ -303,12 +309,28 @@ class Undistortion:
         matrix[:2, 2] = (matrix[:2, 2] + 0.5) * scale - 0.5
         matrix[:2, :2] *= scale
         self.notes.append(
-            f"{self._calibration.file} {message}: scaled by {scale:.4g}, as for images that were "
+            f"{self.calibration.file} {message}: scaled by {scale:.4g}, as for images that were "
             "scaled and not cut"
         )
         return matrix
 
-    def _focal(self) -> float:
+    @property
+    def shift(self) -> float:
+        """The farthest [px] that a pixel of the result lies from where the lens shows it."""
+        rays = self._rays(self._focal)
+        points = rays * self._focal + 0.5 * (np.array(self._size) - 1.0)
+        return float(np.abs(self._lens.project(rays) - points).max())
+
+    def _of_view(self, hfov: float) -> float:
+        """The focal length [px] of a result that shows ``hfov`` [rad]."""
+        focal = 0.5 * self._size[0] / math.tan(0.5 * hfov)
+        if self._shown(focal, _BORDER * self._size[0]):
+            return focal
+        widest = 2.0 * math.atan(0.5 * self._size[0] / self._widest())
+        what = f"the lens shows {math.degrees(widest):.1f} degrees across, camera.hfov is"
+        raise self._error(f"{what} {math.degrees(hfov):.1f}: set it to {widest:.3f}, in rad")
+
+    def _widest(self) -> float:
         """The least focal length [px] of the result at which all of it lies in the image."""
         width, height = self._size
         low = 0.5 * max(width, height) / math.tan(0.5 * _MAX_VIEW)
@@ -332,14 +354,22 @@ class Undistortion:
                 low = middle
         return high
 
-    def _shown(self, focal: float) -> bool:
-        """Whether the lens shows all of a result with ``focal`` [px]; its model is invertible."""
+    def _rays(self, focal: float) -> Array:
+        """Rays (n, 2), at unit depth, all over a result with ``focal`` [px]."""
         width, height = self._size
         x = np.linspace(-0.5 * (width - 1), 0.5 * (width - 1), _STEPS)
         y = np.linspace(-0.5 * (height - 1), 0.5 * (height - 1), _STEPS)
-        rays = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2) / focal
+        rays: Array = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2) / focal
+        return rays
+
+    def _shown(self, focal: float, margin: float = 0.0) -> bool:
+        """Whether the lens shows all of a result with ``focal`` [px]; its model is invertible.
+
+        Its image may lack a ``margin`` [px].
+        """
+        rays = self._rays(focal)
         points = self._lens.project(rays)
-        inside = (points >= 0.0) & (points <= np.array([width - 1.0, height - 1.0]))
+        inside = (points >= -margin) & (points <= np.array(self._size) - 1.0 + margin)
         if not inside.all():
             return False
         # a polynomial may turn back: points farther out then lie in the image once more
@@ -348,4 +378,4 @@ class Undistortion:
         return bool((outward >= 0.0).all())
 
     def _error(self, message: str) -> InputError:
-        return InputError(message, file=self._calibration.file, key=self._key)
+        return InputError(message, file=self.calibration.file, key=self._key)

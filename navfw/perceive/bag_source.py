@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,9 +11,9 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from navfw.config.input_file import shown_path
 from navfw.errors import InputError
-from navfw.lenses import CameraCalibration, Undistortion, load_calibration
+from navfw.lenses import CameraCalibration
+from navfw.lenses.camera_info import info_text, info_undistortion
 from navfw.numerics import Array
 from navfw.perceive.image_times import ImageTimes
 from navfw.perceive.motion_record import (
@@ -41,8 +38,6 @@ _COMPARED = (10, 150)
 """Least and largest number of comparisons for a verdict."""
 _SHARE, _LIKE = 0.8, 0.3
 """Share of comparisons without flow, and correlation of turns, that contradict the wheels."""
-_RECTIFIED = re.compile(r"(?:^|[/_])rect(?:ified)?(?:[/_]|$)")
-"""What the topics of images without distortion have in their names."""
 
 
 class BagInputs(NamedTuple):
@@ -85,40 +80,20 @@ def unpacked_bag(bag: Bag, pitch: float = 0.0) -> Iterator[BagInputs]:
                     shape = deep_image(message, name).shape
             (folder / f"{number:06d}.png").write_bytes(bytes(data))
             times.append(time)
-        lens = _lens(bag, shape, folder / "camera_info.yaml")
+        lens = _lens(bag, shape)
         yield BagInputs(folder, ImageTimes(bag.file, tuple(times), {}), lens, _record(bag, pitch))
 
 
-def _lens(bag: Bag, shape: Sequence[int], file: Path) -> CameraCalibration | None:
-    """The lens by ``camera_info``, by way of ``file``; None if it contradicts the images.
-
-    Where images are rectified it is that of the projection matrix.
-    """
+def _lens(bag: Bag, shape: Sequence[int]) -> CameraCalibration | None:
+    """The lens by ``camera_info``; None if it contradicts the images."""
     if bag.info is None or not shape:
         return None
-    info, roi = bag.info, bag.info.roi
-    matrix, bent = bag.matrix, np.asarray(info.d if hasattr(info, "d") else info.D)
-    if _RECTIFIED.search(bag.image_topic):
-        flat = np.asarray(info.p if hasattr(info, "p") else info.P).reshape(3, 4)[:, :3].ravel()
-        matrix, bent = flat if flat.any() else matrix, np.empty(0)
-    part = {name: getattr(roi, name) for name in ("x_offset", "y_offset", "width", "height")}
-    data = {"image_width": info.width, "image_height": info.height, "roi": part}
-    data |= {name: getattr(info, name) for name in ("binning_x", "binning_y")}
-    data |= {"distortion_model": info.distortion_model if bent.size else "plumb_bob"}
-    data |= {"K": matrix.tolist(), "D": bent.tolist()}
-    file.write_text(json.dumps(data), encoding="utf-8")
+    text = info_text(bag.info, bag.image_topic)
     try:
-        lens = load_calibration(file)
-        Undistortion(lens, shape[1], shape[0], key=None)
-        is_part = max(info.binning_x, info.binning_y, roi.width) > 1
-        if is_part and lens.size is not None and lens.size != (shape[1], shape[0]):
-            sizes = f"{lens.size[0]} x {lens.size[1]} px, not {shape[1]} x {shape[0]}"
-            raise InputError(f"by its binning and its region of interest images have {sizes}")
+        return info_undistortion(text, bag.info_topic, shape[1], shape[0]).calibration
     except InputError as error:
-        problem = re.sub(rf"^{re.escape(shown_path(file))}(:\d+)?: ", "", str(error))
-        bag.notes.append(f"{bag.info_topic} is not used: {problem}")
+        bag.notes.append(f"{bag.info_topic} is not used: {error}")
         return None
-    return replace(lens, file=bag.info_topic)
 
 
 def _record(bag: Bag, pitch: float) -> MotionRecord | None:

@@ -23,6 +23,7 @@ from navfw.recording.channel_list import (
     ImageFlags,
 )
 from navfw.robot import CameraModel, RobotModel
+from navfw.robot.camera_models import LensCalibration
 from navfw.signals import Belief, Odometry, Pose, SensorReading, Twist
 
 with extra_imports("bags"):
@@ -174,13 +175,18 @@ def odometry_message(odometry: Odometry, now: int, covariance: Array | None = No
 
 
 def camera_message(camera: CameraModel, size: tuple[int, int], now: int) -> bytes:
-    """``CameraInfo`` of images of ``size`` (height, width) without distortion."""
+    """``CameraInfo`` of images of ``size`` (height, width), as the camera's lens shows them."""
     height, width = size
     k = np.diag([camera.focal * width / camera.width] * 2 + [1.0])
     k[:2, 2] = 0.5 * (width - 1), 0.5 * (height - 1)
-    p = np.column_stack([k, np.zeros(3)])
-    matrices = {"k": k.ravel(), "r": np.eye(3).ravel(), "p": p.ravel(), "d": np.zeros(5)}
-    about = {"height": height, "width": width, "distortion_model": "plumb_bob"}
+    p, model, d = np.column_stack([k, np.zeros(3)]), "plumb_bob", np.zeros(5)
+    if isinstance(lens := camera.calibration, LensCalibration):
+        scale = 1.0 if lens.size is None else width / lens.size[0]
+        model, d = lens.model, np.array(lens.coefficients)
+        k = np.reshape(lens.matrix, (3, 3)) * [[scale], [scale], [1.0]]
+        k[:2, 2] += 0.5 * (scale - 1.0)  # the corner of the image is at -0.5
+    matrices = {"k": k.ravel(), "r": np.eye(3).ravel(), "p": p.ravel(), "d": d}
+    about = {"height": height, "width": width, "distortion_model": model}
     fields = {"header": {"frame_id": "camera"}, **about, **matrices}
     return ros_message("sensor_msgs/msg/CameraInfo", fields, now)
 

@@ -22,7 +22,8 @@ from navfw.plugins import default_registry
 from navfw.process.interruption import check_interrupted, interruptible
 from navfw.recording.channel_list import SeenRun
 from navfw.robot import RobotModel
-from navfw.ros.sensor_inputs import TOLERANCE, as_taken, goal_at, grey_image
+from navfw.ros.camera_images import CameraImages, grey_image
+from navfw.ros.sensor_inputs import TOLERANCE, goal_at
 from navfw.signals import Encoders, Frame, Inertial, Pose, SensorReading, Twist
 from navfw.stack import ShadowStack
 from navfw.topomap import Passage, Place, TopoMap
@@ -36,8 +37,6 @@ _DELAY = 1.0
 """Largest time [s] from an image's stamp to its reception, and that a command of the bag holds."""
 _LEG = 2.0
 """Distance [m] of the places along a way that was driven."""
-_VIEW = math.radians(1.0)
-"""Difference of fields of view [rad] that is told."""
 
 
 def _gyro(bag: recording.Bag | FolderDrive) -> Array:
@@ -60,6 +59,12 @@ class BagReadings:
         self, bag: recording.Bag | FolderDrive, robot: RobotModel, only_gyro: bool = False
     ) -> None:
         self._bag, self._robot, self._gyro = bag, robot, bag.gyro if only_gyro else _gyro(bag)
+        known = bag if isinstance(bag, recording.Bag) and bag.info is not None else None
+        self._camera = CameraImages(
+            robot.camera, "" if known is None else known.image_topic, bag.notes.append
+        )
+        if known is not None:
+            self._camera.describe(known.info_topic, known.info)
         turned = 0.5 * robot.track * bag.odometry[:, 3]
         way = recording.driven_way(bag.odometry)
         rolled = np.column_stack([bag.odometry[:, 0], way - turned, way + turned])
@@ -114,7 +119,7 @@ class BagReadings:
             self._bag.notes.append(f"an image is left out: {error}")
             return None
         with locating(file=self._bag.file, key="--robot"):
-            return Frame(item.time, as_taken(grey, self._robot.camera))
+            return Frame(item.time, self._camera.taken(grey))
 
 
 def _due(item: recording.BagImage) -> float:
@@ -164,12 +169,6 @@ class BagReplay:
         self._stack = ShadowStack.load(stack_name, robot, topo_map, default_registry())
         self._config = {"mission": self._mission(), "stack": self._stack.config}
         self._held: Counter[str] = Counter()
-        if bag.info is not None:
-            view = 2.0 * math.atan(0.5 * bag.info.width / max(float(bag.matrix[0]), 1e-9))
-            if abs(view - robot.camera.hfov) > _VIEW:
-                told, own = math.degrees(view), math.degrees(robot.camera.hfov)
-                what = f"{own:.1f} degrees across, camera_info {told:.1f}: the robot's are used"
-                bag.notes.append(f"the robot's camera shows {what}")
 
     def _mission(self) -> dict[str, Any]:
         start, robot = self._start or Pose(0.0, 0.0, 0.0), self._robot

@@ -108,13 +108,17 @@ class RosNode:
         made = self._node.create_publisher(message, topic, self._quality(quality, kind))
         return lambda data: made.publish(data) if self._rclpy.ok() else None
 
+    def resolved(self, topic: str) -> str:
+        """The full name of ``topic``, as remapped."""
+        return str(self._node.resolve_topic_name(topic))
+
     def wanted(self, topic: str) -> bool:
         """Whether someone subscribes to ``topic``."""
-        return bool(self._node.count_subscribers(self._node.resolve_topic_name(topic)))
+        return bool(self._node.count_subscribers(self.resolved(topic)))
 
     def publishers(self, topic: str) -> int:
         """How many publish ``topic``."""
-        return int(self._node.count_publishers(self._node.resolve_topic_name(topic)))
+        return int(self._node.count_publishers(self.resolved(topic)))
 
     def subscribe(
         self, topic: str, kind: str, receive: Callable[[Any], object], quality: Quality = "sensor"

@@ -10,29 +10,32 @@ import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from navfw.errors import InputError, UnknownNameError
 from navfw.process.interruption import check_interrupted
 from navfw.recording import planar_pose, ros_message
+from navfw.recording.bag_topics import info_topics
 from navfw.recording.ros_messages import command_message, twist_fields
 from navfw.ros.connection import Quality, RosNode
 from navfw.ros.drive_outputs import DriveOutputs, text_message
 from navfw.ros.map_keeper import NAME_PLACE, MapKeeper
 from navfw.ros.sensor_inputs import SensorInputs, goal_at, posed_goal
+from navfw.ros.topic_watch import TopicWatch
 from navfw.signals import Pose, SensorReading, Twist, Waypoint
 from navfw.stack import Stack, halt
 from navfw.stack.sensing_stack import SensingStack
 
 _MAX_AGE = 0.2
 """Age [s] of the last command at which the robot is told to stand, whatever the stack does."""
-_LOST = 0.7
-"""Time [s] without a message of a sensor after which it is said to be missing."""
 _SILENT = 0.15
 """Time [s] without wheels after which ticks go by the other sensors, and the wheels do not count.
 Wheels of 10 Hz may be late by half their period, and a command may be 0.2 s old."""
 _ODD, _MAX_PERIOD = 0.75, 0.1
 """Least time between two ticks, in periods; longest one [s] that the controller counts with."""
+_MAX_EARLY = 30
+"""Images that are left out while their camera_info is published and has not come."""
 _STILL = 0.02
 """Speed [m/s] and turning rate [rad/s] up to which the robot stands."""
 _STAND = Twist(0.0, 0.0)
@@ -51,7 +54,7 @@ TOPICS: Mapping[str, tuple[str, str]] = {
         "sensor_msgs/msg/Image",
         "for stacks that find markers, in full resolution, rectified",
     ),
-    "camera_info": ("sensor_msgs/msg/CameraInfo", "compared with the robot file"),
+    "camera_info": ("sensor_msgs/msg/CameraInfo", "lens of image, also found beside it"),
     "goal_pose": ("geometry_msgs/msg/PoseStamped", "a goal, as of RViz's button"),
     "goal_place": ("std_msgs/msg/String", "a goal by the name of a place"),
     "initialpose": ("geometry_msgs/msg/PoseWithCovarianceStamped", "where the robot is"),
@@ -95,10 +98,15 @@ class DriveNode:
         rpy = node.parameter("imu_rpy", [0.0, 0.0, 0.0])
         snap = _SNAP if options.lockstep else 0.0
         named = joints if all(joints) else ()
-        self._inputs = SensorInputs(self._robot, node.note, named, rpy, snap)
+        compressed = node.parameter("compressed", False)
+        self._image = "image/compressed" if compressed else "image"
+        images = node.resolved(self._image)
+        whole = self._robot.with_camera(stack.camera)
+        self._inputs = SensorInputs(whole, node.note, named, rpy, snap, images)
         self._stamped = node.parameter("stamped_cmd_vel", True)
-        self._images, self._missing = list[str](), list[str]()
-        self._heard: dict[str, float] = {}
+        self._early = 0 if options.lockstep else _MAX_EARLY
+        self._images = list[str]()
+        self._watch = TopicWatch(node, ": the robot stands" if self._steers else "")
         self._ticked = node.seconds()
         self._latest = self._stepped = -math.inf
         self._goals = options.goals
@@ -107,7 +115,7 @@ class DriveNode:
         self._image_came = 0.0, 0.0
         self._sent = math.inf
         self._sending = threading.Lock()
-        self._subscribe(node.parameter("wheels", "joints"), node.parameter("compressed", False))
+        self._subscribe(node.parameter("wheels", "joints"))
         self._command: Callable[[bytes], None] = lambda _: None
         if self._steers:
             velocity = "TwistStamped" if self._stamped else "Twist"
@@ -117,35 +125,37 @@ class DriveNode:
             self._status = node.publisher("navfw/status", "std_msgs/msg/String", "latched")
         self.outputs = outputs or DriveOutputs(node, stack)
 
-    def _subscribe(self, wheels: str, compressed: bool) -> None:
+    def _subscribe(self, wheels: str) -> None:
         node, inputs = self._node, self._inputs
         if wheels not in {"joints", "odom"}:
             raise UnknownNameError("value of wheels", wheels, ["joints", "odom"], key="--ros-args")
         quality: Quality = "reliable" if self._options.lockstep else "sensor"
 
         def hear(topic: str, kind: str, take: Any, **more: Any) -> None:
-            self._heard[topic] = node.seconds()
-
             def receive(message: Any) -> None:
-                if topic in self._heard:
-                    self._heard[topic] = node.seconds()
+                self._watch.hear(topic)
                 take(topic, message, 1e-9 * node.now(), **more)
 
             node.subscribe(topic, kind, receive, quality)
 
-        image = "image/compressed" if compressed else "image"
-        kind = "sensor_msgs/msg/CompressedImage" if compressed else TOPICS["image"][0]
-        hear(image, kind, self._take_image)
+        kind = TOPICS["image"][0]
+        packed = kind.replace("Image", "CompressedImage")
+        rolled = "joint_states" if wheels == "joints" else "odom"
+        for topic in (self._image, "imu", rolled):
+            self._watch.expect(topic)
+        hear(self._image, kind if self._image == "image" else packed, self._take_image)
         if self._stack.features.plugin.landmark_frames:
-            hear("landmark_image", TOPICS["image"][0], inputs.image, landmarks=True)
-            del self._heard["landmark_image"]
+            hear("landmark_image", kind, inputs.image, landmarks=True)
         hear("imu", TOPICS["imu"][0], inputs.imu)
-        topic = "joint_states" if wheels == "joints" else "odom"
-        hear(topic, TOPICS[topic][0], self._take_wheels)
+        hear(rolled, TOPICS[rolled][0], self._take_wheels)
         if node.has_type(_TF):
             node.subscribe("/tf_static", _TF, inputs.mounts, "latched")
             node.subscribe("odom", TOPICS["odom"][0], self._take_base, quality)
-        node.subscribe("camera_info", TOPICS["camera_info"][0], inputs.camera_info, quality)
+        beside = info_topics(node.resolved(self._image))[0]
+        self._infos = tuple(dict.fromkeys((node.resolved("camera_info"), beside)))
+        for info in self._infos:
+            describe = partial(inputs.camera.describe, info)
+            node.subscribe(info, TOPICS["camera_info"][0], describe, quality)
         if self._steers:
             node.serve("stop", self._stop)
             node.serve("resume", self._resume)
@@ -168,6 +178,11 @@ class DriveNode:
     # --- what comes in ---------------------------------------------------------------------------
 
     def _take_image(self, topic: str, message: Any, now: float) -> None:
+        # one image of another lens would show motion that there is not
+        early = self._early and not self._inputs.camera.described
+        if early and any(map(self._node.publishers, self._infos)):
+            self._early -= 1
+            return
         self._inputs.image(topic, message, now)
         stamp = self._inputs.stamp_of(self._inputs.newest_of(topic))
         self._image_came = time.monotonic(), now - 1e-9 * stamp
@@ -283,7 +298,7 @@ class DriveNode:
         self._send(_STAND if stands else twists[-1], at)
         frame = next((reading.frame for reading in readings if reading.frame is not None), None)
         if frame is not None:
-            self._tell_rivals()
+            self._watch.tell_rivals()
             came_at, age = self._image_came
             self.outputs.latencies.append(max(0.0, age) + time.monotonic() - came_at)
             ended = self._ended() or ", ".join(self._held)
@@ -323,28 +338,12 @@ class DriveNode:
             due = new > 0.0 and inputs.complete(self._latest, self._images)
             return inputs.readings() if due else ()
         now = self._node.seconds()
-        self._tell_missing(now)
+        self._watch.tell_missing(now)
         if new > _ODD * self._period:
             return inputs.readings()
         alive = inputs.newest > self._stepped + self._period > -math.inf
         silent = alive and now - self._ticked > _SILENT
         return inputs.readings(inputs.newest) if silent else ()
-
-    def _tell_missing(self, now: float) -> None:
-        self._heard = {topic: min(at, now) for topic, at in self._heard.items()}
-        missing = [topic for topic, at in self._heard.items() if now - at > _LOST]
-        if missing == self._missing:
-            return
-        self._missing = missing
-        stands = ": the robot stands" if self._steers and missing == list(self._heard) else ""
-        silent = f"nothing comes on {', '.join(missing)}{stands}"
-        self._node.say(silent if missing else "all topics are heard again")
-
-    def _tell_rivals(self) -> None:
-        for topic in self._heard:
-            if (count := self._node.publishers(topic)) > 1:
-                what = f"{count} nodes publish {topic}, and are taken for one robot"
-                self._node.note(f"{what}: give each its own namespace, or remap topics")
 
     def _step(self, reading: SensorReading) -> Twist:
         if not self._options.lockstep:

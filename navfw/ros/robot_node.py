@@ -156,8 +156,8 @@ class RosPilot:
         if reading.frame is not None:
             images.append("image")
             taken, image = round(1e9 * reading.frame.time), reading.frame.image
-            out["image"](ros.image_message(image, taken))
             out["camera_info"](ros.camera_message(robot.camera, image.shape, taken))
+            out["image"](ros.image_message(image, taken))
         if reading.landmark_frame is not None:
             images.append("landmarks")
             taken = round(1e9 * reading.landmark_frame.time)

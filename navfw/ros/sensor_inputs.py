@@ -15,11 +15,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from navfw.errors import ConfigError, InputError
-from navfw.numerics import Array, Image
-from navfw.recording import planar_pose, ros_image, turn_rates
+from navfw.numerics import Array
+from navfw.recording import planar_pose, turn_rates
 from navfw.recording.ros_messages import wheel_joints
 from navfw.recording.static_frames import BASES, StaticFrames
-from navfw.robot import CameraModel, RobotModel
+from navfw.robot import RobotModel
+from navfw.ros.camera_images import CameraImages, grey_image
 from navfw.signals import Encoders, Frame, Inertial, SensorReading, Waypoint
 from navfw.topomap import TopoMap
 from navfw.topomap.occupancy_map import FREE
@@ -30,10 +31,6 @@ _CLOCKS = 1.0
 """Difference [s] of a stamp from the time of its reception from which stamps are not used."""
 _JUMP = 1.0
 """Step [s] of the clock backward, beyond which it has begun anew."""
-_SHAPE = 0.01
-"""Relative difference of the shape of an image from that of the robot's camera that is allowed."""
-_FOCAL = 0.03
-"""Relative difference of focal lengths from which on it is told."""
 _MAX_ROWS = 1000
 """Messages of gyro and wheels that wait for each other."""
 _MAX_TICKS = 1e12
@@ -49,6 +46,7 @@ class SensorInputs:
     Times are those of stamps [s] from the first message on; ``shift`` [s] is added to them, so that
     time never goes back, even when a simulated clock begins anew. ``note`` is called with remarks
     for people. ``snap`` [Hz]: stamps are multiples of 1 / ``snap``, exactly, not of nanoseconds.
+    ``images`` is the full name of the topic of images, ``camera`` what they are made by.
     """
 
     def __init__(
@@ -58,6 +56,7 @@ class SensorInputs:
         joints: Sequence[str] = (),
         imu_rpy: Sequence[float] = (0.0, 0.0, 0.0),
         snap: float = 0.0,
+        images: str = "image",
     ) -> None:
         self._robot, self._note, self._snap = robot, note, snap
         self._joints = (joints[:1], joints[1:2]) if joints else wheel_joints(robot)
@@ -74,6 +73,7 @@ class SensorInputs:
         self._read: list[tuple[float, Array]] = []
         self._odometry: tuple[float, float, float] | None = None
         self._lost = self._waited = self._odd = False
+        self.camera = CameraImages(robot.camera, images, note)
         self._frame: Frame | None = None
         self._landmarks: Frame | None = None
         self.shift = 0.0
@@ -125,7 +125,7 @@ class SensorInputs:
             if landmarks:
                 self._landmarks = Frame(time, grey)
                 return
-            self._frame = Frame(time, as_taken(grey, self._robot.camera))
+            self._frame = Frame(time, self.camera.taken(grey))
         except (ConfigError, cv2.error, ValueError) as error:
             self._note(f"images on {topic} are left out: {error}")
 
@@ -139,16 +139,6 @@ class SensorInputs:
             return
         if (time := self.time_of(topic, message.header.stamp, now)) is not None:
             self._rates.append((time, *turned.tolist()))
-
-    def camera_info(self, message: Any) -> None:
-        """Compare a ``CameraInfo`` with the robot file's camera."""
-        camera = self._robot.camera
-        focal = message.k[0] * camera.width / message.width if message.width else 0.0
-        if not (math.isfinite(focal) and focal > 0.0):
-            self._note("camera_info is empty: the robot file's camera counts")
-        elif abs(focal / camera.focal - 1.0) > _FOCAL:
-            what = f"focal length of {focal:.1f} px, that of the robot file is {camera.focal:.1f}"
-            self._note(f"camera_info has a {what} px: correct camera.hfov")
 
     def mounts(self, message: Any) -> None:
         """Take in static transforms, a ``TFMessage``: they tell how the IMU is mounted."""
@@ -288,29 +278,6 @@ class SensorInputs:
             frame, self._frame = self._frame, None
             landmarks, self._landmarks = self._landmarks, None
         return SensorReading(time, self._inertial, Encoders(time, left, right), frame, landmarks)
-
-
-def as_taken(grey: Image, camera: CameraModel) -> Image:
-    """``grey`` (height, width) in the size of the robot's ``camera``.
-
-    Raises:
-        ConfigError: it has another shape.
-
-    """
-    height, width = grey.shape
-    if (width, height) == (camera.width, camera.height):
-        return grey
-    if abs(width * camera.height / (height * camera.width) - 1.0) > _SHAPE:
-        what = f"images of {width} x {height} have another shape than those of the robot's camera"
-        how = "give a robot file with its camera"
-        raise ConfigError(f"{what}, {camera.width} x {camera.height}: {how}")
-    size = camera.width, camera.height
-    return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
-
-
-def grey_image(message: Any, topic: str) -> Image:
-    """The luminance (height, width) of an ``Image`` or ``CompressedImage``; see ``ros_image``."""
-    return np.asarray(cv2.cvtColor(ros_image(message, topic), cv2.COLOR_BGR2GRAY), dtype=np.uint8)
 
 
 def goal_at(topo_map: TopoMap, name: str, tolerance: float = TOLERANCE) -> Waypoint:

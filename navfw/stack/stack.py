@@ -59,6 +59,7 @@ class Stack:
         self.features = guarded_stages.GuardedFeatures(
             self.guard, build(stages["features"])
         )  # whole images
+        self.camera = robot.camera  # of the images that it takes in
         self._lens, self._reduction = robot.camera.undistortion(), robot.camera.reduction
         self.robot = robot = robot.with_reduced_images()
         self.period = 1.0 / robot.control_rate

@@ -110,6 +110,9 @@ class GraphNode:
     def manage(self, *_: Callable[[], object]) -> None:
         pass
 
+    def resolved(self, topic: str) -> str:
+        return topic
+
     def wanted(self, topic: str) -> bool:
         return bool(self.graph.topics[topic])
 

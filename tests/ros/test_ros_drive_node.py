@@ -26,6 +26,13 @@ def test_messages_that_are_late_and_lost_lead_to_the_goal(monkeypatch: pytest.Mo
     assert drive.driver.outputs.latency()["latency_p99_ms"] < 150.0
 
 
+def test_images_of_a_large_camera_are_reduced_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    large = "robot.camera.width=640", "robot.camera.height=480"
+    drive = GraphDrive(Graph(), monkeypatch, *STRAIGHT, settings=large)
+    assert drive.run().outcome == "reached"
+    assert drive.stack.state.faults == ()
+
+
 @pytest.mark.slow
 def test_with_late_and_lost_messages_it_touches_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     graph = Graph(dropped=0.1, jitter=0.05)

@@ -3,6 +3,7 @@
 import json
 import math
 from collections import defaultdict
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
 
@@ -40,13 +41,19 @@ class SensedDrive:
     """A mission's robot that its own stack drives, with ``navfw ros sense`` beside it."""
 
     def __init__(
-        self, monkeypatch: pytest.MonkeyPatch, world: str, mission: str, **graph: Any
+        self,
+        monkeypatch: pytest.MonkeyPatch,
+        world: str,
+        mission: str,
+        settings: Sequence[str] = (),
+        **graph: Any,
     ) -> None:
         self.graph = Graph(**graph)
         for module in ("drive_node", "drive_outputs", "robot_node"):
             monkeypatch.setattr(f"navfw.ros.{module}.time", self.graph)
-        self.session = prepare(world, mission, seed=1)
+        self.session = prepare(world, mission, seed=1, overrides=settings)
         self.node, robot = Publishing(self.graph), self.session.task.robot
+        robot = robot.with_camera(robot.camera.model_copy(update={"calibration": None}))
         node = cast("RosNode", self.node)
         self.stack = SensingStack.load("sense", robot, load_map("empty"), default_registry())
         outputs = SenseOutputs(node, self.stack)
@@ -81,6 +88,17 @@ class SensedDrive:
 def angles(scan: Any) -> Array:
     bearings: Array = np.arange(len(scan.ranges)) * scan.angle_increment + scan.angle_min
     return bearings
+
+
+def off_the_walls(drive: SensedDrive) -> Array:
+    """How far [m] from what is truly there rays of the scans end."""
+    off = list[float]()
+    for scan in drive.heard["navfw/scan"][20:]:
+        pose, ranges = drive.true_pose(scan), np.array(scan.ranges)
+        way, ends = angles(scan) + pose.yaw, np.isfinite(ranges)
+        there = ranges[:, None] * np.stack([np.cos(way), np.sin(way)], axis=1) + (pose.x, pose.y)
+        off.extend(np.abs(drive.session.plan.clearances(there[ends])))
+    return np.array(off)
 
 
 def occupancy(drive: SensedDrive, size: float = 12.0) -> tuple[Array, Array]:
@@ -198,6 +216,30 @@ def test_wheels_of_another_robot_between_its_own_are_said_and_end_nothing(
     assert math.hypot(at.x - true.x, at.y - true.y) < 0.1
     for said in ("which they cannot: they are left out", "2 nodes publish joint_states"):
         assert any(said in note for note in drive.node.notes), drive.node.notes
+
+
+def test_a_lens_with_distortion_is_that_of_camera_info(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    lens = tmp_path / "lens.yaml"
+    lens.write_text(
+        "{image_width: 640, image_height: 480, distortion_model: plumb_bob,"
+        " camera_matrix: [420.0, 0.0, 310.0, 0.0, 415.0, 248.0, 0.0, 0.0, 1.0],"
+        " distortion_coefficients: [-0.28, 0.07, 0.001, -0.002, 0.01]}"
+    )
+    camera = f"robot.camera.calibration={lens}", "robot.camera.width=320", "robot.camera.height=240"
+    held = list[bytes]()
+
+    def spoil(topic: str, data: bytes) -> list[bytes]:
+        if topic != "camera_info":
+            return [data]
+        held.append(data)  # comes after the next image
+        return held[-2:-1]
+
+    drive = SensedDrive(monkeypatch, "paper-room", "around-objects", camera, spoil=spoil)
+    drive.run(8.0)
+    assert any("removed by camera_info" in note for note in drive.node.notes), drive.node.notes
+    assert np.median(off_the_walls(drive)) < 0.05
 
 
 def test_the_examples_name_topics_that_there_are() -> None:
