@@ -8,10 +8,10 @@ from __future__ import annotations
 import importlib
 import re
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal
 
-from navfw.errors import ConfigError, InputError
+from navfw.errors import ConfigError, InputError, did_you_mean
 from navfw.recording import deserialize_cdr
 
 Quality = Literal["sensor", "reliable", "latched"]
@@ -29,7 +29,8 @@ class RosNode:
     """A node called ``name``; ``arguments`` are what follows ``--ros-args``.
 
     Subscriptions are called by ``spin``, in the thread that calls it. ``notes`` are of topics whose
-    types are not installed here, and of messages that cannot be read.
+    types are not installed here, and of messages that cannot be read; ``declared`` are the
+    parameters that were asked for.
 
     Raises:
         InputError: there is no rclpy, or ROS refuses the arguments.
@@ -43,7 +44,11 @@ class RosNode:
         try:
             rclpy.init(args=words, signal_handler_options=signals)
             made = importlib.import_module("rclpy.lifecycle").LifecycleNode
-            self._node = made(name, automatically_declare_parameters_from_overrides=True)
+            self._node = made(
+                name,
+                automatically_declare_parameters_from_overrides=True,
+                allow_undeclared_parameters=True,  # so that the node says why they are refused
+            )
         except Exception as error:  # rclpy raises errors of many kinds
             rclpy.try_shutdown()
             reason = " ".join(str(error).split())[:200]
@@ -53,7 +58,7 @@ class RosNode:
         self._ended = executors.TimeoutException, executors.ShutdownException
         self._executor = executors.SingleThreadedExecutor()
         self._executor.add_node(self._node)
-        self.notes: list[str] = []
+        self.notes, self.declared = list[str](), list[str]()
         self._noted: set[str] = set()
         self._clock, self._pace = (0.0, 0.0), 1.0
 
@@ -64,8 +69,12 @@ class RosNode:
             ConfigError: it has another type.
 
         """
-        if not self._node.has_parameter(name):
-            self._node.declare_parameter(name, default)
+        self.declared.append(name)
+        about = _module("rcl_interfaces.msg").ParameterDescriptor(dynamic_typing=True)
+        if self._node.has_parameter(name):
+            self._node.set_descriptor(name, about)
+        else:
+            self._node.declare_parameter(name, default, about)
         value = self._node.get_parameter(name).value
         if isinstance(default, float) and isinstance(value, int):
             value = float(value)
@@ -75,6 +84,22 @@ class RosNode:
             what = f"is {value!r:.40}, expected {type(default).__name__}, e.g. {default!r}"
             raise ConfigError(f"the parameter {name} {what}", key="--ros-args")
         return value
+
+    def serve_parameters(self, change: Callable[[Mapping[str, Any]], str]) -> None:
+        """Have ``change`` take parameters that are set; it returns why not, or no text."""
+        result = _module("rcl_interfaces.msg").SetParametersResult
+
+        def take(parameters: Sequence[Any]) -> Any:
+            values = {parameter.name: parameter.value for parameter in parameters}
+            other = next((name for name in values if not self._node.has_parameter(name)), None)
+            if other is not None:
+                known = did_you_mean(other, self.declared)
+                reason = f"{other} cannot be changed while the node runs: {known}"
+            else:
+                reason = change(values)
+            return result(successful=not reason, reason=reason)
+
+        self._node.add_on_set_parameters_callback(take)
 
     def now(self) -> int:
         """The time of the node's clock [ns]: simulated with ``use_sim_time``."""

@@ -20,6 +20,7 @@ from navfw.recording.bag_topics import info_topics
 from navfw.recording.ros_messages import command_message, twist_fields
 from navfw.ros.connection import Quality, RosNode
 from navfw.ros.drive_outputs import DriveOutputs, text_message
+from navfw.ros.live_parameters import LiveParameters
 from navfw.ros.map_keeper import NAME_PLACE, MapKeeper
 from navfw.ros.sensor_inputs import SensorInputs, goal_at, posed_goal
 from navfw.ros.topic_watch import TopicWatch
@@ -100,8 +101,7 @@ class DriveNode:
         named = joints if all(joints) else ()
         compressed = node.parameter("compressed", False)
         self._image = "image/compressed" if compressed else "image"
-        images = node.resolved(self._image)
-        whole = self._robot.with_camera(stack.camera)
+        images, whole = node.resolved(self._image), self._robot.with_camera(stack.camera)
         self._inputs = SensorInputs(whole, node.note, named, rpy, snap, images)
         self._stamped = node.parameter("stamped_cmd_vel", True)
         self._early = 0 if options.lockstep else _MAX_EARLY
@@ -124,6 +124,7 @@ class DriveNode:
         if self._steers or keeper is not None:
             self._status = node.publisher("navfw/status", "std_msgs/msg/String", "latched")
         self.outputs = outputs or DriveOutputs(node, stack)
+        LiveParameters(node, stack)
 
     def _subscribe(self, wheels: str) -> None:
         node, inputs = self._node, self._inputs

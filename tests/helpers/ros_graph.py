@@ -2,7 +2,7 @@
 
 import heapq
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
@@ -73,12 +73,17 @@ class GraphNode:
     def __init__(self, graph: Graph, **parameters: Any) -> None:
         self.graph, self.parameters = graph, parameters
         self.notes: list[str] = []
+        self.declared: list[str] = []
         self.services: dict[str, Callable[[], str]] = {}
         self.action_ends: list[bool] = []
         self.meanwhile: Callable[[], object] = lambda: None
 
     def parameter(self, name: str, default: Any) -> Any:
+        self.declared.append(name)
         return self.parameters.get(name, default)
+
+    def serve_parameters(self, change: Callable[[Mapping[str, Any]], str]) -> None:
+        self.change = change
 
     def now(self) -> int:
         return round(1e9 * self.graph.time)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -31,6 +32,34 @@ def test_images_of_a_large_camera_are_reduced_once(monkeypatch: pytest.MonkeyPat
     drive = GraphDrive(Graph(), monkeypatch, *STRAIGHT, settings=large)
     assert drive.run().outcome == "reached"
     assert drive.stack.state.faults == ()
+
+
+def test_weights_change_while_it_drives_and_others_are_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    answers = list[str]()
+
+    def each(drive: GraphDrive) -> None:
+        if drive.graph.time > 2.0 and not answers:
+            mofis = drive.stack.mofis
+            answers.append(drive.node.change({"go_to_xy.weight": 0.001, "fuzzy.level": 0.5}))
+            assert drive.stack.mofis is not mofis
+            answers.append(drive.node.change({"go_to_xy.weight": 0.1, "avoid.weight": -3.0}))
+            answers.append(drive.node.change({"wheels": "odom"}))
+            answers.append(drive.node.change({"use_sim_time": True}))
+
+    given = {"avoid.weight": 0.7}
+    drive = GraphDrive(Graph(), monkeypatch, *STRAIGHT, parameters=given, each=each)
+    assert drive.stack.config["behaviors"]["avoid"]["weight"] == 0.7
+    drive.run()
+    used: Any = drive.stack.mofis.behaviors
+    assert (used["go_to_xy"].params.weight, used["avoid"].params.weight) == (0.001, 0.7)
+    config = drive.stack.config
+    assert config["behaviors"]["go_to_xy"]["weight"] == 0.001
+    assert config["fusion"] == {"fuzzy": {"blend": "sum", "level": 0.5}}
+    assert answers[0] == answers[3] == ""
+    assert "avoid.weight: " in answers[1]
+    assert answers[2] == "wheels is read when the node starts: restart it with -p wheels:=VALUE"
 
 
 @pytest.mark.slow

@@ -20,6 +20,8 @@ from action_msgs.msg import GoalStatus
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rclpy.action import ActionClient
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
 from ros_processes import (
     DRIVE,
     PATIENT,
@@ -176,7 +178,7 @@ def call(listener: Listener, kind: Any, name: str, request: Any) -> Any:
     return answer.result()
 
 
-def test_services_and_a_lifecycle_manager_hold_the_robot(
+def test_services_parameters_and_a_lifecycle_manager_act_on_the_driver(
     tmp_path: Path, listener: Listener
 ) -> None:
     def stands() -> None:
@@ -195,6 +197,18 @@ def test_services_and_a_lifecycle_manager_hold_the_robot(
         processes.enter_context(started(tmp_path, *DRIVE, *SIM_TIME))
         processes.enter_context(started(tmp_path, *PATIENT, "--pace", "0.5"))
         listener.spin_until(lambda: listener.speed > 0.1, 200.0)
+        client = AsyncParameterClient(listener.node._node, "/navfw")
+        for name, value, reason in (
+            ("avoid.weight", 1, ""),
+            ("avoid.wieght", 1.0, "did you mean 'avoid.weight'?"),
+            ("wheels", "odom", "read when the node starts"),
+        ):
+            listener.spin_until(client.services_are_ready)
+            answer = client.set_parameters([Parameter(name, value=value)])
+            listener.spin_until(answer.done)
+            result = answer.result().results[0]
+            assert result.successful == (not reason)
+            assert reason in result.reason
         change(Transition.TRANSITION_DEACTIVATE)
         stands()
         assert "stands" in call(listener, Trigger, "stop", Trigger.Request()).message
