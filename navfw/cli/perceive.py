@@ -297,6 +297,9 @@ def _compared(
     tick = partial(bar.show_part, "comparing the axes of the gyro")
     is_given = given.imu_axes is not None
     record = compared(options.gyro, images, options, given=is_given, tick=tick)
+    if not record.measured:
+        echo(f"note: {record.notes[-1]}", err=True)
+        return replace(options, gyro=None)
     return replace(options, gyro=record.without_offsets())
 
 

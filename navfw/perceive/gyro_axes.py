@@ -14,7 +14,7 @@ from navfw.errors import InputError
 from navfw.numerics import Array
 from navfw.perceive.image_sources import ImageSource
 from navfw.perceive.lens_estimate import MAX_PIXELS, MIN_POINTS
-from navfw.perceive.motion_record import MotionRecord
+from navfw.perceive.motion_record import RATES, MotionRecord
 from navfw.perceive.pair_motion import TrackImage, rotation_vector, track_points
 from navfw.perceive.perceiver_options import PerceiverOptions, WorkingSize
 from navfw.recording.static_frames import agreeing_axes, assumed_axes, axes_text
@@ -25,7 +25,7 @@ _COMPARED = (8, 40)
 """Least and largest number of pairs for a verdict."""
 _DISAGREES = 0.3
 """Agreement below which a record that no axes put right is doubted."""
-_APART = 1.0
+_APART = 0.3
 """Time [s] after which images are compared that turned less."""
 
 
@@ -50,14 +50,17 @@ def turns_seen(
                 if small and item.time - past[0] < _APART:
                     continue
             now = TrackImage.of(item.image)
-            if past is not None and turn is not None and np.linalg.norm(turn) < _TURNS[1]:
+            if past is not None and turn is not None:
                 size = WorkingSize.of(width, height, *options.grid_for(width, height))
                 hfov = options.angle_of_view(width, height, images.hfov)
                 camera = size.camera(hfov, 1.0, math.radians(options.pitch or 0.0), 1.0)
                 tracks = track_points(past[1], now, size)
                 motion = estimate_egomotion(tracks, camera.focal)
-                if len(tracks.points) >= MIN_POINTS and motion.kind is not MotionKind.UNKNOWN:
-                    seen.append(rotation_vector(motion.rotation, camera))
+                found = len(tracks.points) >= MIN_POINTS and motion.kind is not MotionKind.UNKNOWN
+                turned = rotation_vector(motion.rotation, camera)
+                most = max(np.linalg.norm(turned), np.linalg.norm(turn))
+                if found and np.linalg.norm(turned) < _TURNS[1] and most > _TURNS[0]:
+                    seen.append(turned)
                     measured.append(turn)
             past = item.time, now
     return np.array(seen).reshape(-1, 3), np.array(measured).reshape(-1, 3)
@@ -74,18 +77,24 @@ def compared(
     """The ``record`` in the axes in which it turns as the camera of ``images`` does.
 
     These are assumed, and replace what it assumed of axes; if its axes are ``given``, or none
-    agree, there is a note.
+    agree, there is a note. Without any agreement nothing counts as measured.
     """
     seen, measured = turns_seen(record, images, options, tick)
-    if len(seen) < _COMPARED[0] or np.linalg.norm(seen, axis=1).sum() < _COMPARED[0] * _TURNS[0]:
+    if len(seen) < _COMPARED[0]:
         return record
     better, agreement = agreeing_axes(seen, measured)
     text = "" if better is None else axes_text(better @ record.axes)
     if better is None or given:
         note = f"the {record.source} and the images do not turn alike (agreement {agreement:.2f})"
-        hint = f"; they would with --imu-axes {text}" if text else ""
-        doubted = better is not None or agreement < _DISAGREES
-        return replace(record, notes=(*record.notes, note + hint)) if doubted else record
+        if text:
+            return replace(
+                record, notes=(*record.notes, f"{note}; they would with --imu-axes {text}")
+            )
+        note = f"{note}: the rotation is taken from the flow"
+        own = [name in record.measured for name in reversed(RATES)]
+        if agreeing_axes(np.where(own, seen, math.nan), measured)[1] >= _DISAGREES:
+            return record
+        return replace(record, notes=(*record.notes, note), measured=frozenset())
     reason = f"it then turns as the images do (agreement {agreement:.2f} in {len(seen)} pairs)"
     kept = [one for one in record.assumed if not one.what.startswith("axes of")]
     kept.append(assumed_axes(better @ record.axes, reason, record.source))

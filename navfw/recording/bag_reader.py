@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Generator, Iterable, Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,6 +23,7 @@ from navfw.config.input_file import is_folder, shown_path
 from navfw.errors import ConfigError, NavfwError, UnknownNameError
 from navfw.numerics import Array
 from navfw.process.atomic import scratch_folder
+from navfw.recording.bag_tables import CLOCKS, SensorClock, unwrapped
 from navfw.recording.bag_topics import ROLES, info_topics, topics_of
 from navfw.recording.cut_bag import is_cut, mended
 from navfw.recording.image_messages import is_film, no_picture
@@ -32,8 +33,8 @@ from navfw.recording.static_frames import (
     BASES,
     OPTICAL,
     StaticFrames,
-    agreeing_axes,
     assumed_axes,
+    axes_by_wheels,
     axes_of,
 )
 
@@ -42,12 +43,8 @@ with extra_imports("bags"):
     from rosbags.serde import SerdeError
 
 
-_CLOCKS = 1.0
-"""Difference of a topic's clock from the bag's [s] from which its stamps are not used."""
-
-
-_TURNED = 1.0
-"""Turns of the wheels [rad] after which the axes of the gyro are compared with them."""
+_MAX_RATE = 10.0
+"""Largest rate [rad/s] of a camera that sees more than blur; larger ones have another unit."""
 _REMEDIES = {".bag": "rosbag reindex", ".active": "rosbag reindex", ".mcap": "mcap recover"}
 """What repairs a bag, by its suffix; ``ros2 bag reindex`` writes the metadata of a folder."""
 
@@ -86,11 +83,12 @@ class Bag:
 
     """
 
+    info: Any = None
+
     def __init__(self, path: Path, topic: str | None = None, imu_axes: str | None = None) -> None:
         self.path, self.file = path, shown_path(path)
         self.notes: list[str] = []
         self.assumed: list[Assumption] = []
-        self.info: Any = None
         self._scratch = ExitStack()
         finalize(self, self._scratch.close)
         self._files = [path]
@@ -107,7 +105,37 @@ class Bag:
         self._topics = {"images": self._image_topic(topic)}
         self._topics |= {role: self._topic_of(role) for role in ROLES if role != "images"}
         self._topics["info"] = self._info_topic()
-        imus = dict.fromkeys(topics_of("gyro", self._counts), "gyro")
+        rows, frames, mounts = self._read()
+        self._choose_gyro(rows)
+        clock_of = self.image_topic or max(rows, key=lambda name: len(rows[name]), default="")
+        self._clock = SensorClock(np.array([row[:2] for row in rows.get(clock_of, [])]))
+        if behind := self._clock.behind:
+            what = f"the clock of {clock_of} is {abs(behind):.6g} s {_where(behind)} the bag's"
+            self.notes.append(f"{what}: times are its own")
+        self._all_images, *others = (
+            self._table(role, rows.get(self._topics[role], []))
+            for role in ("images", "gyro", "odometry", "joints", "commands")
+        )
+        self.images = self._all_images[np.isfinite(self._all_images[:, 0])]
+        self.gyro, self.odometry, self.joints, self.commands = (
+            np.delete(table[np.isfinite(table[:, 0])], 1, axis=1) for table in others
+        )
+        self._finish_wheels()
+        if self._clock.behind:
+            tables = (self.images, self.gyro, self.odometry, self.joints, self.commands)
+            self.duration = max([0.0, *(float(table[-1, 0]) for table in tables if len(table))])
+        gyro, camera = (
+            mounts.above(frames.get(self._topics[role], "")) for role in ("gyro", "images")
+        )
+        self.optical = self._turn_to_base(gyro, camera, imu_axes)
+        if self.info is not None and not (self.info.width and self.matrix.any()):
+            self.notes.append(f"{self._topics['info']} is empty: it says nothing of the camera")
+            self.info = None
+        self.notes += [] if len(self.images) else ["there are no images"]
+
+    def _read(self) -> tuple[dict[str, list[tuple[float, ...]]], dict[str, str], StaticFrames]:
+        """Stamp, reception and numbers of messages by topic, the frames of topics, transforms."""
+        imus = dict.fromkeys(topics_of("gyro", self._counts, self.image_topic), "gyro")
         rows: dict[str, list[tuple[float, ...]]] = {name: [] for name in imus}
         frames, mounts = dict[str, str](), StaticFrames()
         roles = {name: role for role, name in self._topics.items() if name} | imus
@@ -124,24 +152,16 @@ class Bag:
                     frames.setdefault(name, header.frame_id.lstrip("/"))
                 row = stamp, received, *ROLES[role].numbers(message)
                 rows.setdefault(name, []).append(row)
-        self._choose_gyro(imus, rows)
-        self._all_images, *others = (
-            self._table(role, rows.get(self._topics[role], []))
-            for role in ("images", "gyro", "odometry", "joints", "commands")
-        )
-        self.images = self._all_images[np.isfinite(self._all_images[:, 0])]
-        self.gyro, self.odometry, self.joints, self.commands = (
-            np.delete(table[np.isfinite(table[:, 0])], 1, axis=1) for table in others
-        )
+        return rows, frames, mounts
+
+    def _finish_wheels(self) -> None:
+        """Let angles be continuous, and leave out poses that nobody fills in."""
         self.odometry[:, 3] = np.unwrap(self.odometry[:, 3])
-        gyro, camera = (
-            mounts.above(frames.get(self._topics[role], "")) for role in ("gyro", "images")
-        )
-        self.optical = self._turn_to_base(gyro, camera, imu_axes)
-        if self.info is not None and not (self.info.width and self.matrix.any()):
-            self.notes.append(f"{self._topics['info']} is empty: it says nothing of the camera")
-            self.info = None
-        self.notes += [] if len(self.images) else ["there are no images"]
+        self.joints[:, 1:] = unwrapped(self.joints[:, 1:])
+        if len(self.odometry) > 1 and not np.ptp(self.odometry[:, 1:], axis=0).any():
+            what = f"poses on {self._topics['odometry']} never change"
+            self.notes.append(f"{what}: they are not used")
+            self.odometry = self.odometry[:0]
 
     def _make_readable(self) -> None:
         """Read each file of a folder by itself, and copies of those that are cut off, if need be.
@@ -201,7 +221,7 @@ class Bag:
 
     def _topic_of(self, role: str) -> str:
         """The topic that is read; "" if there is none."""
-        names = topics_of(role, self._counts)
+        names = topics_of(role, self._counts, self.image_topic)
         return self._chosen(role, names[: 1 if role in {"gyro", "info", "mounts"} else None])
 
     def _chosen(self, role: str, names: list[str], option: str = "") -> str:
@@ -251,18 +271,18 @@ class Bag:
             self.notes.append(f"there is no {own[0]} of {images}: {what}")
         return beside[0] if beside else ""
 
-    def _choose_gyro(
-        self, imus: Iterable[str], rows: Mapping[str, list[tuple[float, ...]]]
-    ) -> None:
+    def _choose_gyro(self, rows: Mapping[str, list[tuple[float, ...]]]) -> None:
         """Take the first ``Imu`` that has rates: an accelerometer's are absent, or all 0."""
-        turning = [
-            name
-            for name in imus
-            if (table := np.array(rows[name]).reshape(-1, 5)[:, 2:]).size
-            and (np.nan_to_num(table) != 0.0).any()
-        ]
-        for name in sorted(set(imus) - set(turning)):
-            self.notes.append(f"{name} has no rates of rotation: it is not taken as a gyro")
+        turning = []
+        for name in topics_of("gyro", self._counts, self.image_topic):
+            rates = np.abs(np.nan_to_num(np.array(rows[name]).reshape(-1, 5)[:, 2:])).max(axis=1)
+            fast = float(np.percentile(rates, 99.0)) if len(rates) else 0.0
+            if rates.any() and fast <= _MAX_RATE:
+                turning.append(name)
+                continue
+            what = f"rates of {fast:.0f} rad/s, as if in degrees"
+            what = what if fast else "no rates of rotation"
+            self.notes.append(f"{name} has {what}: it is not taken as a gyro")
         self._topics["gyro"] = self._chosen("gyro", turning)
 
     def _turn_to_base(
@@ -283,7 +303,7 @@ class Bag:
             axes, reason = OPTICAL, f"its frame is {frame}"
         elif axes is None:
             axes, reason = np.eye(3), f"no transform leads from its frame {frame!r} to base_link"
-        if given is None and (better := self._axes_by_wheels(axes)) is not None:
+        if given is None and (better := axes_by_wheels(self.gyro, self.odometry, axes)) is not None:
             axes, reason = better, "it then turns as the wheels do"
         if reason and len(self.gyro):
             self.assumed.append(assumed_axes(axes, reason))
@@ -297,28 +317,16 @@ class Bag:
         is_optical = abs(seen[2, 1]) > abs(seen[2, 2])  # its y axis is about vertical, not its z
         return np.asarray(seen if is_optical else seen @ OPTICAL)
 
-    def _axes_by_wheels(self, axes: Array) -> Array | None:
-        """The gyro's axes in which it turns as the wheels do; None if ``axes`` may be right."""
-        times, yaw = self.odometry[:, 0], self.odometry[:, 3]
-        if len(self.gyro) < 2 or np.abs(np.diff(yaw)).sum() < _TURNED:
-            return None
-        rates = np.nan_to_num(self.gyro[:, 1:])
-        parts = 0.5 * (rates[1:] + rates[:-1]) * np.diff(self.gyro[:, :1], axis=0)
-        turns = np.concatenate([np.zeros((1, 3)), np.cumsum(parts, axis=0)]) @ axes.T
-        at = [np.interp(times, self.gyro[:, 0], turn) for turn in turns.T]
-        unknown = np.full(len(yaw) - 1, math.nan)
-        wheels = np.column_stack([unknown, unknown, np.diff(yaw)])
-        better, _ = agreeing_axes(wheels, np.diff(np.column_stack(at), axis=0))
-        return None if better is None else better @ axes
-
     def _table(self, role: str, rows: list[tuple[float, ...]]) -> Array:
         """Times, reception and numbers; nan as time of messages that are unusable."""
         table = np.array(rows, dtype=np.float64).reshape(-1, 2 + ROLES[role].width)
         topic = self._topics[role]
         off = float(np.median(table[:, 1] - table[:, 0])) if rows else 0.0
-        if abs(off) > _CLOCKS:
+        if rows and self._clock.behind:
+            table[:, 0] = self._clock.times(table)
+        elif abs(off) > CLOCKS:
             table[:, 0] = table[:, 1]
-            what = f"the clock of {topic} is {abs(off):.6g} s {'behind' if off > 0.0 else 'ahead'}"
+            what = f"the clock of {topic} is {abs(off):.6g} s {_where(off)}"
             self.notes.append(f"{what}: its messages count from their reception")
         latest = np.maximum.accumulate([-math.inf, *table[:, 0]])[:-1]
         lost = (table[:, 0] <= latest) | ~np.isfinite(table[:, :2]).all(axis=1)
@@ -365,6 +373,10 @@ class Bag:
             if "ros2" not in reason:
                 hint = f"{_REMEDIES.get(self.path.suffix, 'ros2 bag reindex')} may repair it"
             raise ConfigError(f"not a readable bag: {reason}; {hint}", file=self.file) from None
+
+
+def _where(behind: float) -> str:
+    return "behind" if behind > 0.0 else "ahead"
 
 
 def deserialize_cdr(data: bytes, kind: str) -> Any:

@@ -6,6 +6,9 @@ import math
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
+_MAX_LEAN = 0.15
+"""Square of the part of a quaternion across the vertical, from which a robot leans by 45 deg."""
+
 
 def turn_rates(message: Any) -> tuple[float, ...]:
     """The rates (3,) [rad/s] of an ``Imu``; nan where it has none."""
@@ -14,8 +17,10 @@ def turn_rates(message: Any) -> tuple[float, ...]:
 
 
 def planar_pose(message: Any) -> tuple[float, ...]:
-    """The pose x, y [m], yaw [rad] of an ``Odometry`` in its plane."""
+    """The pose x, y [m], yaw [rad] of an ``Odometry`` in its plane; nan if it lies on its side."""
     place, q = message.pose.pose.position, message.pose.pose.orientation
+    if q.x * q.x + q.y * q.y > _MAX_LEAN:
+        return (math.nan,) * 3
     across = 1.0 - 2.0 * (q.y * q.y + q.z * q.z)
     return place.x, place.y, math.atan2(2.0 * (q.w * q.z + q.x * q.y), across)
 
@@ -25,7 +30,9 @@ _TWISTS = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
 
 def _turns(message: Any) -> tuple[float, ...]:
     angles = dict(zip(message.name, message.position, strict=False))
-    sides = [[angles[n] for n in angles if side in n.lower()] for side in ("left", "right")]
+    names = [name for name in angles if "steer" not in name.lower()]
+    names.sort(key=lambda name: "wheel" not in name.lower())
+    sides = [[angles[n] for n in names if side in n.lower()] for side in ("left", "right")]
     return tuple(side[0] if side else math.nan for side in sides)
 
 
@@ -58,16 +65,20 @@ _TRANSPORTS = {"compressed", "compressedDepth", "theora", "ffmpeg", "zstd"}
 """Last parts of the names of topics that ``image_transport`` makes of that of an image."""
 
 
-def topics_of(role: str, counts: Iterable[tuple[str, str, int]]) -> list[str]:
+def topics_of(role: str, counts: Iterable[tuple[str, str, int]], images: str = "") -> list[str]:
     """The topics of a role, that of the usual name and with most messages first.
 
-    ``counts`` are name, type and number of messages of each topic.
+    ``counts`` are name, type and number of messages of each topic. Those in the outermost namespace
+    of ``images`` come before others: there may be several robots.
     """
     kinds, usual, *_ = ROLES[role]
-    known = sorted(
-        (usual not in t.split("/"), -n, t) for t, kind, n in counts if kind in kinds and n
-    )
-    return [name for *_, name in known]
+    robot = images.split("/")[1:2]
+    known = [
+        (usual not in name.split("/"), name.split("/")[1:2] != robot, -n, name)
+        for name, kind, n in counts
+        if kind in kinds and n
+    ]
+    return [name for *_, name in sorted(known)]
 
 
 def info_topics(images: str) -> tuple[str, str]:

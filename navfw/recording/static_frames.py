@@ -24,6 +24,8 @@ _TIE = 0.02
 """Difference of two agreements that decides nothing."""
 _AGREES, _BETTER = 0.6, 0.4
 """Least agreement of axes that are taken, and how much more it is than that of the assumed ones."""
+_TURNED = 1.0
+"""Turns of the wheels [rad] after which the axes of the gyro are compared with them."""
 BASES = {"base_link", "base_footprint"}
 """Frames with the axes ahead, left and up of a robot (REP 105)."""
 _UNIT = 0.1
@@ -104,3 +106,21 @@ def agreeing_axes(seen: Array, measured: Array) -> tuple[Array | None, float]:
     best = next(k for k, value in enumerate(values) if value > max(values) - _TIE)
     is_other = values[best] >= _AGREES and values[best] - values[0] >= _BETTER
     return (AXES[best], values[best]) if is_other else (None, values[0])
+
+
+def axes_by_wheels(gyro: Array, odometry: Array, axes: Array) -> Array | None:
+    """The axes in which a ``gyro`` turns as the wheels do; None if these ``axes`` may be right.
+
+    Rows of ``gyro`` are time [s] and rates [rad/s], of ``odometry`` time [s], x, y, yaw [rad].
+    """
+    times, yaw = odometry[:, 0], odometry[:, 3]
+    if len(gyro) < 2 or np.abs(np.diff(yaw)).sum() < _TURNED:
+        return None
+    rates = np.nan_to_num(gyro[:, 1:])
+    parts = 0.5 * (rates[1:] + rates[:-1]) * np.diff(gyro[:, :1], axis=0)
+    turns = np.concatenate([np.zeros((1, 3)), np.cumsum(parts, axis=0)]) @ axes.T
+    at = [np.interp(times, gyro[:, 0], turn) for turn in turns.T]
+    unknown = np.full(len(yaw) - 1, math.nan)
+    wheels = np.column_stack([unknown, unknown, np.diff(yaw)])
+    better, _ = agreeing_axes(wheels, np.diff(np.column_stack(at), axis=0))
+    return None if better is None else better @ axes
