@@ -50,6 +50,8 @@ IMAGES = frozenset(
 """Suffixes of image files; those of HEIC and AVIF are refused one by one, with what to do."""
 _VIDEOS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".wmv"})
 """Suffixes of video files."""
+_STREAMS = frozenset({".h264", ".264", ".h265", ".265", ".hevc", ".mjpeg", ".mjpg"})
+"""Suffixes of encoded frames alone: what a decoder says of their rate is its own guess."""
 MAX_GAP = 0.5
 """Time without an image [s] after which images are not compared with those before, unless images
 are so rare that it is less than ``_GAP_STEPS`` of their usual interval."""
@@ -243,10 +245,11 @@ class _Video(ImageSource):
         notes = [f"the video is turned by {turned} degrees, as its file says"] if turned else []
         total = max(int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT)), 0)
         rate = self._capture.get(cv2.CAP_PROP_FPS) if fps is None else fps
-        known = fps is not None or (math.isfinite(rate) and _MIN_RATE <= rate <= FRAME_RATES[1])
+        known = math.isfinite(rate) and _MIN_RATE <= rate <= FRAME_RATES[1]
+        known = fps is not None or (known and path.suffix.lower() not in _STREAMS)
         if not known and FRAME_RATES[0] <= rate < _MIN_RATE:
             notes.append(f"the video says {rate:g} images a second, few for a camera that moves")
-        elif not known:
+        elif not (known or FRAME_RATES[0] <= rate <= FRAME_RATES[1]):
             rate = FRAME_RATE
         super().__init__(rate, total, notes, calibration)
         self.rate_known = known
@@ -327,8 +330,9 @@ def open_source(
     for path in paths:
         if not is_file(path) and not is_folder(path):
             raise no_such_file(path)
+    named = str(paths[0]) if len(paths) == 1 else "the list of files"
     if len(paths) == 1 and is_folder(paths[0]):
-        return _Files(_images_in(paths[0]), fps, calibration, listed, f"the folder {paths[0]}")
+        paths, named = sorted(_images_in(paths[0])), f"the folder {paths[0]}"
     if len(paths) == 1 and paths[0].suffix.lower() not in IMAGES:
         if listed is not None:
             raise InputError("is for image files; a video has its own times", key="--times")
@@ -339,7 +343,6 @@ def open_source(
             raise InputError(f"give one {what}, or image files, not both", file=path)
     ordered = sorted(paths, key=natural_key) if [*paths] == sorted(paths) else list(paths)
     require_order(ordered)
-    named = str(paths[0]) if len(paths) == 1 else "the list of files"
     return _Files(ordered, fps, calibration, listed, named)
 
 
@@ -355,7 +358,7 @@ def _images_in(folder: Path) -> list[Path]:
             what = "is a run folder without images: its pictures are plans, not the camera's"
             raise InputError(f"{what}; see navfw report and navfw replay", file=folder)
     if images:
-        return sorted(images, key=natural_key)
+        return images
     others = sorted(
         e.name for e in entries if is_folder(e) or is_bag(e) or e.suffix.lower() in _VIDEOS
     )

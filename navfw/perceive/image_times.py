@@ -21,7 +21,9 @@ _FILE = "file"
 _LIST = TableFormat(
     columns=(TIME, _FILE),
     needed=1,
-    names=TIME_NAMES | dict.fromkeys(("file", "filename", "file_name", "image", "name"), _FILE),
+    names=TIME_NAMES
+    | dict.fromkeys(("file", "filename", "file_name"), _FILE)
+    | dict.fromkeys(("image", "image_name", "name"), _FILE),
     text=_FILE,
 )
 _STAMP = re.compile(
@@ -150,13 +152,23 @@ def _usual_unit(numbers: Array) -> float | None:
 def require_order(paths: Sequence[Path]) -> None:
     """Refuse numbered files that are neither in the order of their numbers nor in the reverse.
 
-    Files whose names differ in more than numbers may come in any order.
+    Files whose names differ in more than numbers may come in any order, if each number comes once.
 
     Raises:
-        InputError: the files are shuffled.
+        InputError: the files are shuffled, or of several cameras.
 
     """
-    if len({re.sub(r"[0-9]+", "0", path.name) for path in paths}) != 1:
+    kinds: dict[str, dict[tuple[str, ...], Path]] = {}
+    for path in paths:
+        numbers = tuple(re.findall(r"[0-9]+", path.name))
+        kinds.setdefault(re.sub(r"[0-9]+", "0", path.name), {})[numbers] = path
+    series = [kind for kind in kinds.values() if len(kind) > 1]
+    for one, other in itertools.combinations(series, 2):
+        if len(common := sorted(one.keys() & other.keys())) > 1:
+            what = f"has the number of {one[common[0]].name}, so they are of two cameras"
+            how = f"{what}, or of depth: give those of one, as *.png"
+            raise InputError(how, file=shown_path(other[common[0]]))
+    if len(kinds) != 1:
         return
     keys = [natural_key(path) for path in paths]
     if keys in (sorted(keys), sorted(keys, reverse=True)):

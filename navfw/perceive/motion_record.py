@@ -22,11 +22,8 @@ from navfw.robot import CameraModel
 RATES = ("yaw_rate", "pitch_rate", "roll_rate")
 """Rates of rotation, positive for a turn to the left, nose down and right side down."""
 _AXES = {"x": "roll_rate", "y": "pitch_rate", "z": "yaw_rate"}
-_BY_AXIS = {
-    prefix + axis: rate
-    for axis, rate in _AXES.items()
-    for prefix in ("gyro_", "gyroscope_", "w", "w_", "omega_", "angular_velocity_", "w_rs_s_")
-}
+_GYROS = "angular_velocity_ ang_vel_ gyro_ gyroscope_ w w_ omega_ w_rs_s_"
+_BY_AXIS = {prefix + axis: rate for axis, rate in _AXES.items() for prefix in _GYROS.split()}
 """Names of rates by the gyro's axes ahead, left and up (REP 103)."""
 _GYRO = TableFormat(
     columns=(TIME, *RATES),

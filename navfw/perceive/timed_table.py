@@ -150,9 +150,10 @@ class TimedTable:
 
     def _is_header(self, cells: Sequence[str], below: Sequence[tuple[int, list[str]]]) -> bool:
         """Whether a comment names the columns of the table ``below`` it, as EuRoC's do."""
-        name = _name_and_unit(cells[0].lstrip("#"))[0]
+        written = [_name_and_unit(cell.lstrip("#"))[0] for cell in cells]
+        named = {self._kind.names.get(name) for name in written}
         same = below and len(below[0][1]) == len(cells) and _is_number(below[0][1][0])
-        return bool(same) and name in self._kind.names
+        return bool(same) and named.issuperset(self._kind.columns[: self._kind.needed])
 
     def _find_unit(self) -> None:
         """Convert times since 1970 whose magnitude says that they are not in seconds."""
@@ -185,7 +186,6 @@ class TimedTable:
         lines = [re.sub(r"^\s*#+\s*", "#", line) for line in text.splitlines()]
         rows = (line for line in lines if line.strip() and not line.lstrip().startswith("#"))
         first = next(rows, "")
-        # programs of countries with decimal commas separate by semicolons, others by tabs
         separator = max(",;\t", key=first.count)
         if separator not in first:
             separator = " "
@@ -194,6 +194,8 @@ class TimedTable:
         try:
             for row in reader:
                 cells = [cell.strip() for cell in row]
+                if separator == ";":  # programs of countries with decimal commas
+                    cells = [re.sub(r"^([-+0-9]+),([0-9eE+-]+)$", r"\1.\2", cell) for cell in cells]
                 if any(cells):
                     yield reader.line_num, cells
         except csv.Error as error:
@@ -248,7 +250,7 @@ class TimedTable:
 
 def _name_and_unit(word: str) -> tuple[str, str]:
     """Name and unit of a ``word`` of a header: ``Yaw rate (deg/s)``, ``time_ms``, ``yaw``."""
-    text = word.strip().lower()
+    text = word.strip().lower().removeprefix("%").removeprefix("field.")  # of rostopic echo -p
     if bracketed := re.fullmatch(r"(.*?)\s*[\[(]\s*(.*?)\s*[\])]", text):
         text = bracketed[1]
     name = re.sub(r"[ .\-]+", "_", text)

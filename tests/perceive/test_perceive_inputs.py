@@ -447,3 +447,27 @@ def test_an_avif_image_is_refused_by_name(tmp_path: Path) -> None:
 def test_videos_of_any_frame_rate_are_judged(rate: float, tmp_path: Path) -> None:
     views = perceive(save(tmp_path, APPROACH), "--fps", rate)
     assert [view["dt"] for view in views] == pytest.approx([1.0 / rate] * 4, rel=2.0)
+
+
+@pytest.mark.parametrize("names", [("left{}.png", "right{}.png"), ("{}.color.png", "{}.depth.png")])
+def test_images_of_two_cameras_are_not_one_sequence(names: tuple[str, str], tmp_path: Path) -> None:
+    for k in range(3):
+        for name in names:
+            cv2.imwrite(str(tmp_path / name.format(k)), PICTURE)
+    with pytest.raises(InputError, match=r"has the number of .*, so they are of two cameras"):
+        open_source([tmp_path])
+    one = sorted(tmp_path.glob(names[0].format("*")))
+    assert len(list(open_source(one, 10.0))) == 3
+
+
+def test_encoded_frames_alone_have_no_rate(tmp_path: Path) -> None:
+    av = pytest.importorskip("av", reason="needs the extra video")
+    with av.open(tmp_path / "raw.h264", "w", format="h264") as video:
+        stream = video.add_stream("libx264", rate=50, options={"threads": "1"})
+        stream.width, stream.height, stream.pix_fmt = 64, 48, "yuv420p"
+        for _ in range(9):
+            video.mux(stream.encode(av.VideoFrame.from_ndarray(PICTURE, format="gray8")))
+        video.mux(stream.encode(None))
+    source = open_source([tmp_path / "raw.h264"])
+    assert not source.rate_known
+    assert [each.what for each in source.assumed] == ["frame rate"]

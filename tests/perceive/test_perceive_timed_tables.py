@@ -387,3 +387,25 @@ def test_units_of_image_times(text: str, seconds: float, unit: str, tmp_path: Pa
 def test_image_times_that_cannot_be_seconds_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"images are 33 s apart; .* name it in the header"):
         load_image_times(put_file(tmp_path, "data.csv", "0,1.png\n33,2.png\n66,3.png\n"))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '"Time (s)";"Gyroscope z (rad/s)"\n0,00E0;5,0E-1\n1,00E0;5,0E-1\n',
+        "%time,field.header.stamp,field.angular_velocity.z\n17{0},1,.5\n17{1},2,.5\n",
+        "# id timestamp ang_vel_x ang_vel_y ang_vel_z\n0 8.5 0 0 .5\n1 9.5 0 0 .5\n",
+    ],
+    ids=["decimal commas", "rostopic echo -p", "UZH-FPV"],
+)
+def test_rates_as_other_programs_write_them(text: str, tmp_path: Path) -> None:
+    gyro = gyro_of(tmp_path, text.format("0" * 17, "000000005" + "0" * 8))
+    assert gyro.measured >= {"yaw_rate"}
+    assert gyro.rates[:, 2].tolist() == [0.5, 0.5]
+    assert 0.0 < gyro.times[1] - gyro.times[0] <= 1.0
+
+
+def test_a_list_with_numbers_of_images_has_its_times_in_the_named_column(tmp_path: Path) -> None:
+    text = "# id timestamp image_name\n0 5.5 img/1.png\n1 5.6 img/2.png\n"
+    listed = load_image_times(put_file(tmp_path, "left_images.txt", text))
+    assert listed.by_name == {"1.png": 5.5, "2.png": 5.6}
