@@ -90,6 +90,7 @@ def parse_mapping(text: str, file: str) -> YamlDocument:
         raise ConfigError("the file is empty; expected a mapping ('key: value' lines)", file=file)
     if not isinstance(document.data, dict):
         got = "a list" if isinstance(document.data, list) else f"{document.data!r:.40}"
+        got = "XML" if text.lstrip()[:1] == "<" else got
         what = f"expected a mapping ('key: value' lines), got {got}"
         raise ConfigError(what, file=file, line=document.line_of(()))
     return document

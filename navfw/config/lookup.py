@@ -152,7 +152,8 @@ def find(kind: str, name: str | Path, base: Path | None = None) -> Path:
     """The file of a kind of ``FILE_KINDS`` that has this name.
 
     ``name`` is a path (relative to ``base``, or to the working folder) when it ends in ``.yaml``,
-    of a robot in ``.urdf`` or ``.xacro``, or contains a ``/``; a world may be given by its folder.
+    of a robot in ``.urdf`` or ``.xacro``, contains a ``/``, or is a file with another suffix; a
+    world may be given by its folder.
     The name of a mission is ``world/mission``.
 
     Raises:
@@ -190,9 +191,11 @@ def _as_path(kind: str, name: str | Path, base: Path | None) -> Path | None:
     if in_folder is not None and input_file.is_file(path / in_folder):
         return path / in_folder
     suffixes = _SUFFIXES | (URDF_SUFFIXES if kind == "robot" else set())
-    if path.suffix not in suffixes and "/" not in text and "\\" not in text:
+    is_file = input_file.is_file(path)
+    is_name = path.suffix not in suffixes and "/" not in text and "\\" not in text
+    if is_name and not (path.suffix and is_file):
         return None
-    if not input_file.is_file(path):
+    if not is_file:
         raise input_file.no_such_file(path)
     return path
 

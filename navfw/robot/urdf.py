@@ -86,8 +86,7 @@ def read_urdf(path: Path, packages: tuple[str, ...] = (), args: tuple[str, ...] 
 def _parsed(path: Path, packages: tuple[str, ...], text: bytes) -> UrdfModel:
     root = parse_xml(text, shown_path(path), "a URDF robot")
     if root.tag != "robot":
-        what = f"expected a URDF <robot>, got <{root.tag}>; a xacro file ends in .xacro"
-        raise element_error(root, what)
+        raise element_error(root, f"expected a URDF <robot>, got <{root.tag}>")
     links = _named(root, "link")
     if not links:
         what = "; name the file that calls its macros" if path.suffix == ".xacro" else ""

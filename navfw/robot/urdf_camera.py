@@ -7,7 +7,6 @@ frame (x right, y down) along z. The camera of a robot looks ahead: yaw and roll
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass
 from typing import Any
 from xml.etree.ElementTree import Element
@@ -15,6 +14,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from navfw.assumption import Assumption
+from navfw.config.foreign_files import numbers_in
 from navfw.config.input_file import shown_path
 from navfw.errors import ConfigError
 from navfw.numerics import Array
@@ -107,9 +107,11 @@ def camera_of(model: UrdfModel) -> tuple[dict[str, Any], str | None, float]:
         return {}, None, 0.0
     read: dict[str, Any] = {}
     for key, place in _KEYS.items():
-        text = ("" if views[0].sensor is None else views[0].sensor.findtext(place, "")).strip()
-        if re.fullmatch(r"[0-9]+\.?[0-9]*", text) and float(text) > 0.0:
-            read[key] = int(text) if key in {"width", "height"} else float(text)
+        element = None if views[0].sensor is None else views[0].sensor.find(place)
+        if element is not None:
+            (number,) = numbers_in(element, element.text or "0", 1, element.tag)
+            if number > 0.0:
+                read[key] = round(number) if key in {"width", "height"} else number
     return read, views[0].link, float(views[0].frame[2, 3])
 
 

@@ -203,11 +203,14 @@ def _lowest(model: UrdfModel, link: str) -> float:
 
 
 def _radius(model: UrdfModel, wheel: UrdfJoint) -> float | None:
-    """Radius [m] of a wheel; where its shape is a mesh, the largest distance from its axis."""
-    radius = model.wheel_radii.get(wheel.child)
-    meshes = [c for c in model.collisions if c.link == wheel.child and c.size is None]
-    if radius or not meshes:
-        return radius
+    """Radius [m] of a wheel; of a mesh the largest distance from its axis, of others downwards."""
+    shapes = [c for c in model.collisions if c.link == wheel.child]
+    meshes = [c for c in shapes if c.size is None]
+    if len(shapes) > len(meshes):
+        below = float(model.frame_of(wheel.child)[2, 3]) - _lowest(model, wheel.child)
+        return model.wheel_radii.get(wheel.child, below)
+    if not meshes:
+        return None
     axis = wheel.axis / max(math.hypot(*wheel.axis), 1e-9)
     corners = np.concatenate([_points(mesh_corners(model, c), c.frame) for c in meshes])
     across = corners - product(corners, axis)[:, None] * axis
@@ -268,6 +271,12 @@ def robot_assumed(robot: RobotModel) -> tuple[Assumption, ...]:
         *(assumption for assumption, _ in impossible_inertias(robot, model).values()),
         *(Assumption(f"joint {name!r}", "turns without end", _NO_LIMIT) for name in turning),
     ]
+    above = (one for name in urdf.casters for one in model.above(model.joints[name].parent))
+    steering = dict.fromkeys(joint.name for joint in above if joint.kind == "revolute")
+    assumed += [Assumption(f"joint {name!r}", "held straight", _BY_SPEEDS) for name in steering]
+    if "wheel_radius" not in robot.model_fields_set:
+        taken = f"{robot.wheel_radius:g} m"
+        assumed += [Assumption("wheel radius", taken, "no wheel has a shape", "wheel_radius")]
     if model.seen:
         links = ", ".join(dict.fromkeys(model.seen))
         assumed += [Assumption(f"shapes of {links}", "what is seen", "nothing of them collides")]
@@ -276,19 +285,25 @@ def robot_assumed(robot: RobotModel) -> tuple[Assumption, ...]:
     footprint = robot.footprint
     if meshes and footprint and _read(robot, urdf, model).get("footprint") == dict(footprint):
         size = f"{footprint.front + footprint.rear:.3g} x {footprint.width:.3g} m"
-        others = f" and {len(meshes) - 1} other meshes" * (len(meshes) > 1)
+        others = f" and {len(meshes) - 1} more" * (len(meshes) > 1)
         reason = f"the extent of its shapes, {Path(meshes[0]).name}{others}"
         assumed += [Assumption("footprint", size, reason, "footprint")]
+    camera = robot.camera
+    if urdf.camera is not None and not {"hfov", "calibration"} & camera.model_fields_set:
+        size = f"{camera.width} x {camera.height} pixels, {camera.rate:g} Hz"
+        taken = f"{math.degrees(camera.hfov):.0f} degrees wide, {size}"
+        assumed += [Assumption("images", taken, "no sensor of a camera says it", "camera.hfov")]
     if urdf.camera is not None:
         assumed += camera_assumed(model, urdf.camera, urdf_drive(robot, model).origin)
-    elif not {"mount_height"} & robot.camera.model_fields_set:
-        taken = f"{robot.camera.mount_height:g} m above the floor"
+    elif not {"mount_height"} & camera.model_fields_set:
+        taken = f"{camera.mount_height:g} m above the floor"
         reason = f"{shown_path(Path(urdf.file))} has none"
         assumed += [Assumption("camera", taken, reason, "camera.mount_height")]
     return tuple(assumed)
 
 
 _NO_LIMIT = "its limits allow more than a turn, or it has none"
+_BY_SPEEDS = "the robot steers by the speeds of its wheels"
 
 
 def _read(robot: RobotModel, urdf: DrivenUrdf, model: UrdfModel) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import re
 from pathlib import Path
 from xml.etree.ElementTree import tostring
 
@@ -21,7 +22,7 @@ from navfw.robot.urdf_model import (
     is_shaped,
 )
 
-_PACKAGE, _FILE = "package://", "file://"
+_PACKAGE, _FILE = re.compile("(package|model)://"), "file://"
 """Prefixes of the names of meshes: in a package of ROS, and at an absolute path."""
 _ONE_TRIANGLE = 84 + 50  # defined
 """Length of a binary STL file with one triangle [bytes]."""
@@ -33,9 +34,9 @@ _MAX_SIZE = 20.0  # chosen
 
 def _mesh_path(model: UrdfModel, name: str) -> Path | None:
     """Where the mesh called ``name`` is, or should be; None if its package is not there."""
-    if not name.startswith(_PACKAGE):
+    if not (prefix := _PACKAGE.match(name)):
         return model.file.parent / name.removeprefix(_FILE)
-    package, _, rest = name.removeprefix(_PACKAGE).partition("/")
+    package, _, rest = name[prefix.end() :].partition("/")
     folders = package_folders(package, package_roots(model.file, model.packages))
     paths = [folder / rest for folder in folders if is_folder(folder)]
     return next((path for path in paths if is_file(path)), paths[0] if paths else None)

@@ -50,13 +50,18 @@ CASTER += joint("third_joint", "ball", more='<origin xyz="-0.17 0 0.03"/>')
 BASE = link("base", BODY, 5.0, z="0.12")
 CAMERA = link("camera_link")
 CAMERA += joint("camera_joint", "camera_link", more='<origin xyz="0.2 0 0.3" rpy="0 0.1 0"/>')
+SENSOR = """<gazebo reference="{}"><sensor name="c" type="{}"><update_rate>{}</update_rate>{}
+<camera><horizontal_fov>1.2</horizontal_fov><image><width>320</width><height>240</height></image>
+</camera></sensor></gazebo>"""
+USUAL = SENSOR.format("camera_link", "camera", 10, "").replace("1.2", "1.5707963")
+USUAL = USUAL.replace("320", "160").replace("240", "120")
 
 
 def robot(*parts: str) -> str:
     return "<robot name='bot'>\n" + "\n".join(parts) + "</robot>"
 
 
-GOOD = robot(BASE, WHEELS, CASTER, CAMERA)
+GOOD = robot(BASE, WHEELS, CASTER, CAMERA, USUAL)
 
 
 @pytest.fixture
@@ -77,7 +82,7 @@ def drives(file: str) -> float:
 
 ORPHAN = GOOD.replace("</robot>", '\n<link name="orphan"/></robot>')
 TREES = {
-    "two roots": (ORPHAN, "bot.urdf:11: link 'orphan' is attached by no joint, and 'base' is"),
+    "two roots": (ORPHAN, "bot.urdf:14: link 'orphan' is attached by no joint, and 'base' is"),
     "second joint": (GOOD.replace("right_joint", "left_joint"), "a second joint 'left_joint'"),
     "second link": (GOOD.replace("</robot>", link("ball") + "</robot>"), "a second link 'ball'"),
     "loop": (
@@ -227,6 +232,7 @@ def test_wheels_of_meshes_have_the_radius_of_their_extent(folder: Path) -> None:
     assert drives("bot.urdf") == pytest.approx(0.48, abs=0.04)
 
 
+SHORT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
 LIMITS = [
     '<limit lower="-1e16" upper="1e16" effort="1" velocity="1"/>',
     '<limit effort="10" velocity="10"/>',
@@ -247,13 +253,75 @@ def test_revolute_wheels_without_effective_limits_turn(folder: Path, limit: str)
     assert drives("bot.urdf") == pytest.approx(0.48, abs=0.04)
 
 
+TWO = f'{WHEEL}</geometry></collision><collision><geometry><box size="0.1 0.1 0.05"/>'
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "radius", "told"),
+    [
+        (WHEEL, TWO, 0.06, []),
+        (WHEEL, '<box size="0.12 0.12 0.03"/>', 0.06, []),
+        (WHEEL, "", 0.05, ["wheel radius: 0.05 m, as no wheel has a shape (wheel_radius)"]),
+        (USUAL, "", 0.06, ["images: 90 degrees wide, 160 x 120 pixels, 10 Hz, as no sensor of a"]),
+    ],
+)
+def test_what_no_shape_or_sensor_says_is_told(
+    folder: Path, old: str, new: str, radius: float, told: list[str]
+) -> None:
+    text = GOOD.replace(old, new)
+    text = (
+        text
+        if new
+        else text.replace('<collision><origin xyz="0 0 0"/><geometry></geometry></collision>', "")
+    )
+    (folder / "bot.urdf").write_text(text)
+    size = "{front: 0.2, rear: 0.2, width: 0.33}"
+    put_files(folder, {"robots/own.yaml": f"urdf: {{file: ../bot.urdf}}\nfootprint: {size}\n"})
+    model = load_robot("own")
+    assert model.wheel_radius == pytest.approx(radius)
+    assert [
+        str(one)[: len(start)] for one, start in zip(robot_assumed(model), told, strict=True)
+    ] == told
+
+
+def test_numbers_of_sensors_in_any_notation_and_none_else(folder: Path) -> None:
+    text = GOOD.replace("1.5707963</h", "1.0471976e+00</h").replace(">160<", ">640.0<")
+    (folder / "bot.urdf").write_text(text)
+    camera = load_robot("bot.urdf").camera
+    assert (camera.hfov, camera.width) == (1.0471976, 640)
+    (folder / "bot.urdf").write_text(GOOD.replace("1.5707963</h", "wide</h"))
+    with pytest.raises(InputError, match=r"horizontal_fov: expected 1 number, got 'wide'"):
+        load_robot("bot.urdf")
+
+
+def test_steered_wheels_are_held_straight(folder: Path) -> None:
+    steer = '<origin xyz="0.2 0.1 0.06"/><axis xyz="0 0 1"/>' + SHORT
+    front = link("knuckle", mass=0.05) + joint("steer", "knuckle", "revolute", steer)
+    front += link("roll", WHEEL, 0.1) + joint(
+        *("roll_joint", "roll", "continuous"),
+        '<origin rpy="-1.5707963 0 0"/><axis xyz="0 0 1"/>',
+        parent="knuckle",
+    )
+    (folder / "bot.urdf").write_text(GOOD.replace(CASTER, front))
+    (told,) = robot_assumed(load_robot("bot.urdf"))
+    assert str(told).startswith("joint 'steer': held straight")
+
+
+def test_files_that_are_no_robots(folder: Path) -> None:
+    sdf = "<sdf version='1.6'><model name='bot'/></sdf>"
+    put_files(folder, {"bot.sdf": sdf, "sdf.urdf": sdf})
+    assert "bot.sdf:1: expected a mapping ('key: value' lines), got XML" in refusal(
+        "run", "empty", "straight", "--robot", "bot.sdf"
+    )
+    assert "expected a URDF <robot>, got <sdf>" in refusal(
+        "run", "empty", "straight", "--robot", "sdf.urdf"
+    )
+
+
 def with_wheels(kind: str, limit: str = "") -> str:
     return GOOD.replace(
         WHEELS, wheel("left", 0.15, kind, limit) + wheel("right", -0.15, kind, limit)
     )
-
-
-SHORT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
 
 
 @pytest.mark.parametrize(
@@ -320,11 +388,6 @@ def test_wheels_hang_on_suspensions_but_not_on_arms(folder: Path) -> None:
     assert model.urdf is not None
     assert (model.urdf.left, model.urdf.right) == (("left_joint",), ("right_joint",))
     assert model.urdf.casters == ("third_joint",)
-
-
-SENSOR = """<gazebo reference="{}"><sensor name="c" type="{}"><update_rate>{}</update_rate>{}
-<camera><horizontal_fov>1.2</horizontal_fov><image><width>320</width><height>240</height></image>
-</camera></sensor></gazebo>"""
 
 
 def camera(name: str, at: str, rpy: str = "0 0 0", pose: str = "", kind: str = "camera") -> str:
@@ -407,7 +470,7 @@ XACRO = """<robot name="bot" xmlns:xacro="http://www.ros.org/wiki/xacro">
 
 
 def test_arguments_of_xacro_files(folder: Path) -> None:
-    eye = CAMERA.replace("0.2 0 0.3", "0.2 0 $(arg height)")
+    eye = CAMERA.replace("0.2 0 0.3", "0.2 0 $(arg height)") + USUAL
     (folder / "bot.xacro").write_text(XACRO % (BASE + WHEELS + CASTER, eye))
     words = ("run", "empty", "straight", "--robot", "bot.xacro", "--set", "mission.timeout=0.1")
     args = ("--xacro-arg", "eyes:=true", "--xacro-arg", "height:=0.45")
