@@ -187,7 +187,7 @@ def _upright_layers(surfaces: list[TriangleMesh], grid: _SectionGrid) -> list[_L
 def _levels(heights: Array) -> list[float]:
     """Heights [m] of the bounds of layers above the floor, ascending."""
     bottom, top = max(float(heights.min()), 0.0), min(float(heights.max()), _TOP)
-    if top - bottom < _MIN_THICKNESS:
+    if top <= bottom:
         return []
     inside = np.unique(heights[(heights > bottom) & (heights < top)])
     levels = [bottom]

@@ -192,9 +192,14 @@ def read_geojson(text: str, file: str, both_ways: bool) -> TopoMap:
 
 def _frame_of(nodes: list[_Feature], crs: str, file: str, line: int) -> LocalFrame:
     """The frame of the nodes; those that name a frame, as Nav2's and navfw's, are in metres."""
-    framed = any("frame" in node.part("properties") for node in nodes)
+    frames = {
+        str(node.part("properties")["frame"])
+        for node in nodes
+        if "frame" in node.part("properties")
+    }
+    crs += " EPSG:4326" * any(re.fullmatch("wgs[-_ ]?84", frame.lower()) for frame in frames)
     try:
-        return local_frame([node.point for node in nodes], crs, metric=framed)
+        return local_frame([node.point for node in nodes], crs, metric=bool(frames))
     except ValueError as error:
         raise MapError(str(error), file=file, line=line, key="crs") from None
 

@@ -17,6 +17,7 @@ _FAR = 1e5  # chosen
 """Distance [m] from the origin beyond which another origin is taken: maps go to 1e6."""
 
 _GEOGRAPHIC = re.compile(r"CRS84|\b(?:4326|4258|4269|4979)\b|longlat|GEOG(?:CS|CRS)", re.IGNORECASE)
+_FEET = re.compile(r"units=(?:us-)?ft|UNIT\[\"[^\"]*foot|\bftUS\b", re.IGNORECASE)
 _MERCATOR = re.compile(r"\b(?:3857|900913|102100)\b|pseudo-mercator", re.IGNORECASE)
 
 
@@ -44,7 +45,7 @@ def local_frame(
     known to be ``metric``.
 
     Raises:
-        ValueError: ``crs`` says degrees, and they cannot be degrees of a map.
+        ValueError: ``crs`` says feet, or degrees that cannot be those of a map.
 
     """
     if not points or not all(math.isfinite(value) for point in points for value in point):
@@ -55,6 +56,8 @@ def local_frame(
     geographic = bool(_GEOGRAPHIC.search(crs)) and not re.search("PROJ(?:CS|CRS)", crs)
     if metric and not geographic:
         return LocalFrame()
+    if _FEET.search(crs):
+        raise ValueError("the crs is in feet: convert the places to metres")
     if geographic and not possible:
         raise ValueError(
             "the crs says degrees of longitude and latitude, in which the places would span "
@@ -73,7 +76,8 @@ def local_frame(
         kx = ky = 1.0 / math.cosh(middle / _RADIUS) if _MERCATOR.search(crs) else 1.0
         taken = f"metres from x {x0:.0f}, y {y0:.0f} of the file"
         stretched = f"EPSG:3857 stretches lengths there by {1.0 / kx:.3f}"
-        reason = "the file's are far from its origin" if kx == 1.0 else stretched
+        known = "its crs counts as metres and the" if crs.strip(' "') else "the"
+        reason = f"{known} numbers are far from its origin" if kx == 1.0 else stretched
     else:
         return LocalFrame()
     return LocalFrame(x0, y0, kx, ky, (Assumption("coordinates", taken, reason),))

@@ -90,6 +90,10 @@ class _GraphmlReader:
         for key in root.iter("key"):
             kind = key.get("attr.type", "string")
             self._keys[key.get("id", "")] = (key.get("attr.name", ""), kind)
+            if (default := key.find("default")) is not None and default.text:
+                default.tag, default.attrib["key"] = "data", key.get("id", "")
+                for element in list(root.iter(key.get("for", ""))):
+                    element.insert(0, default)
         for edge in root.iter("hyperedge"):
             raise self._error(edge, edge.tag, "a passage connects two places: use several edges")
         nodes = [(node, self._values(node)) for node in root.iter("node")]
@@ -132,7 +136,7 @@ class _GraphmlReader:
             key, text = data.get("key", ""), data.text or ""
             name, kind = self._keys.get(key, (key, "string"))
             try:
-                value = _NUMBERS.get(kind, float if name in _VALUES else str)(text)
+                value = float(text) if name in _VALUES else _NUMBERS.get(kind, str)(text)
             except ValueError:
                 raise self._error(data, name, f"expected a number, got {text!r:.40}") from None
             # without a limit of its width a passage has no such key, as in a map file

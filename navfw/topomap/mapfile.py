@@ -163,12 +163,17 @@ def _map_error(document: YamlDocument, violations: Sequence[MapViolation]) -> Ma
     return MapError("\n".join([f"{len(errors)} errors", *map(str, errors)]))
 
 
+_DIFFERENT = 0.01  # chosen
+"""Difference [m] of the lengths of a passage in both directions that is told."""
+
+
 class MapImporter:
     """Collects places, edges and landmarks, and builds the document of an equivalent map file.
 
     Of the given values only the keys of a map file are kept. With ``both_ways`` a one-way edge
-    counts as a passage; without it the opposite edge is required. Of edges that are listed twice
-    the shortest counts. ``frame`` has converted the coordinates of the places.
+    counts as a passage; without it the opposite edge is required. Of edges that are listed twice,
+    or of different lengths in both directions, the shortest counts. ``frame`` has converted the
+    coordinates of the places.
     """
 
     def __init__(self, file: str, both_ways: bool, frame: LocalFrame | None = None) -> None:
@@ -206,12 +211,12 @@ class MapImporter:
         edge, edges = {"from": a, "to": b, **_kept(values, EDGE_KEYS)}, self._data["edges"]
         if directed and a == b:
             self._loops.append(str(line))
-        elif directed and (a, b) in self._ways:
-            self._repeated.append(str(line))
-            index = self._ways[a, b]
-            edges[index] = min(edges[index], edge, key=_length)
-        elif directed and (b, a) in self._ways:
-            self._ways[a, b] = self._ways[b, a]
+        elif directed and (index := self._ways.get((a, b), self._ways.get((b, a)))) is not None:
+            apart = abs(_length(edge) - _length(edges[index]))
+            if (a, b) in self._ways or _DIFFERENT < apart < math.inf:
+                self._repeated.append(str(line))
+                edges[index] = min(edges[index], edge, key=_length)
+            self._ways[a, b] = index
         else:
             if directed:
                 self._ways[a, b] = len(edges)

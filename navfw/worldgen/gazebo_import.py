@@ -192,6 +192,8 @@ def _world(path: Path, content: SdfWorld, barn: bool, ends: Sequence[Goal]) -> W
     palette = Palette(np.random.default_rng(zlib.crc32(path.stem.encode())))
     floor, textures = palette.draw("floor"), palette.draw_many("thing", 4)
     levels = [(0.0, POLE_HEIGHT) if barn else (max(s.bottom, 0.0), s.top) for s in content.shapes]
+    # a thin board in the air is as thick as a solid may be, what lies on the floor is left out
+    levels = [(low, max(high, low + 0.02 * (low > 0.02))) for low, high in levels]
     standing = [
         (solid, low, high)
         for solid, (low, high) in zip(content.shapes, levels, strict=True)

@@ -20,7 +20,7 @@ import numpy as np
 from navfw.assumption import Assumption
 from navfw.config.foreign_files import element_error, file_of, line_of, read_xml
 from navfw.errors import ConfigError, WorldError
-from navfw.meshes.mesh_file import read_triangles, solid_mesh
+from navfw.meshes.mesh_file import MESH_SUFFIXES, read_triangles, solid_mesh
 from navfw.numerics import Array
 from navfw.numerics.products import product
 from navfw.robot.sdf_pose import sdf_numbers
@@ -196,8 +196,8 @@ class _SdfReader:
             elif shape.tag not in _FLAT:
                 self._unsupported(shape, f"a <{shape.tag}> of the model {model!r}")
             elif shape.tag == "plane":
-                normal = self._numbers(shape, "normal", 3, [0.0, 0.0, 1.0])
-                if abs(product(pose[2, :3], np.array(normal))) < _LEVEL:
+                normal = np.array(self._numbers(shape, "normal", 3, [0.0, 0.0, 1.0]))
+                if abs(product(pose[2, :3], normal)) < _LEVEL * math.hypot(*normal):
                     self._unsupported(shape, f"an upright <plane> of the model {model!r}")
 
     def _solid(self, shape: Element, pose: Array, model: str) -> None:
@@ -235,8 +235,9 @@ class _SdfReader:
             return
         scale = self._numbers(shape, "scale", 3, [1.0, 1.0, 1.0])
         file = self._files.find(uri, file_of(shape))
-        if file is None:
-            self._unsupported(shape, f"the mesh {uri!r} of the model {model!r}: not found")
+        if file is None or file.suffix.lower() not in MESH_SUFFIXES:
+            reason = f"not one of {', '.join(MESH_SUFFIXES)}" if file else "not found"
+            self._unsupported(shape, f"the mesh {uri!r} of the model {model!r}: {reason}")
             return
         self._parts(self._triangles(file, _MAX_TRIANGLES) * scale, shape, pose, model, uri)
 

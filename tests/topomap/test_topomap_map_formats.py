@@ -192,6 +192,20 @@ def test_an_edge_that_is_listed_twice_is_the_shorter_one(tmp_path: Path) -> None
     assert_refused(path, MapError, ["leads only from '0' to '1'"])
 
 
+def test_both_directions_have_one_length_and_a_frame_may_be_geographic(tmp_path: Path) -> None:
+    data = nav2_graph()
+    for edge, length in zip(data["features"][2:], (7.0, 9.0), strict=True):
+        edge["properties"]["metadata"] = {"length": length}
+    topo_map = load_any_map(write(tmp_path / "graph.geojson", data))
+    assert topo_map.passages == (Passage("0", "1", 7.0),)
+    assert [one.what for one in topo_map.assumed] == ["repeated edges"]
+    data = located_graph([[13.73, 51.05], [13.7301, 51.05]], None)
+    for place in data["features"][:2]:
+        place["properties"]["frame"] = "wgs84"
+    topo_map = load_any_map(write(tmp_path / "g.geojson", data))
+    assert topo_map.passages[0].length == pytest.approx(7.0123, abs=1e-3)
+
+
 def test_an_edge_of_one_place_is_left_out_and_an_unknown_end_is_named(tmp_path: Path) -> None:
     data = nav2_graph()
     data["features"].append(feature("LineString", id=9, startid=1, endid=1))
@@ -415,6 +429,23 @@ def test_errors_in_graphml_name_their_line(
     assert len(load_any_map(path).passages) == 1
     write(path, GRAPHML.replace(old, new, 1))
     assert_refused(path, error, [f"g.graphml:{line}: ", *words])
+
+
+def test_defaults_of_graphml_hold_where_a_value_is_left_out(tmp_path: Path) -> None:
+    text = GRAPHML.replace(
+        'attr.name="length" attr.type="double"/>',
+        'attr.name="width" attr.type="double"><default>0.9</default></key>',
+    )
+    more = '<node id="c"><data key="d0">2</data><data key="d1">4</data></node>'
+    more += '<edge source="b" target="c"/></graph>'
+    topo_map = load_any_map(write(tmp_path / "g.graphml", text.replace("</graph>", more, 1)))
+    assert [passage.width for passage in topo_map.passages] == [2.0, 0.9]
+
+
+def test_a_crs_in_feet_is_refused(tmp_path: Path) -> None:
+    crs = "+proj=lcc +units=us-ft"
+    path = write(tmp_path / "g.geojson", located_graph([[980_000, 2e5], [980_300, 2.004e5]], crs))
+    assert_refused(path, MapError, ["crs: the crs is in feet: convert"])
 
 
 ONE_PLACE = (
