@@ -69,7 +69,8 @@ def decode_image(
     if (head := _NETPBM.match(data)) and 0 < (largest := int(head[2])) < 65536:
         # OpenCV takes values as they are, in text up to a white space
         whole = 255 if largest < 256 else 65535
-        data = head[1] + b"%d" % whole + data[head.end() :] + b"\n"
+        pixels = data[head.end() :]
+        data = head[1] + b"%d" % whole + pixels[pixels[:2] == b"\r\n" :] + b"\n"
     with _heard() as said:
         try:
             depth = cv2.IMREAD_ANYDEPTH if whole != largest and flags >= 0 else 0

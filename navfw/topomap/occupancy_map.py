@@ -122,13 +122,13 @@ def _number(value: Any) -> Any:
     return int(value) if isinstance(value, bool) else value
 
 
-def _at_most(most: float, expected: str, meant: Callable[[float], float]) -> BeforeValidator:
-    """Refuse larger magnitudes, and NaN: what they are in the unit that was ``meant``."""
+def _at_most(most: float, unit: str, other: str, meant: Callable[[float], float]) -> Any:
+    """Refuse larger magnitudes, and NaN; say what those of the ``other`` unit are."""
 
     def checked(value: Any) -> Any:
         if isinstance(value := _number(value), int | float) and not abs(value) <= most:
-            would = f"{meant(value):.6g}" if math.isfinite(value) else "0.0"
-            raise ValueError(expected.format(value, would))
+            hint = f": {other}? Write {meant(value):.6g}" if abs(meant(value)) <= most else ""
+            raise ValueError(f"expected {unit}, got {value:g}{hint}")
         return value
 
     return BeforeValidator(checked)
@@ -136,20 +136,13 @@ def _at_most(most: float, expected: str, meant: Callable[[float], float]) -> Bef
 
 Number = Annotated[Coordinate, BeforeValidator(_number)]
 Angle = Annotated[
-    float,
-    _at_most(2.0 * math.pi + 1e-6, "expected radians, got {0:g}: degrees? Write {1}", math.radians),
+    float, _at_most(2.0 * math.pi + 1e-6, "radians (0.0 if unknown)", "degrees", math.radians)
 ]
 Share = Annotated[
-    float,
-    _at_most(1.0, "expected 0 to 1, got {0:g}: per cent? Write {1}", lambda value: value / 100.0),
-    Field(ge=0.0, le=1.0),
+    float, _at_most(1.0, "0 to 1", "per cent", lambda v: v / 100.0), Field(ge=0.0, le=1.0)
 ]
 Metres = Annotated[
-    float,
-    _at_most(
-        10.0, "expected metres, got {0:g}: pixels a metre? Write {1}", lambda value: 1 / value
-    ),
-    Field(ge=0.001, le=10.0),
+    float, _at_most(10.0, "metres", "pixels a metre", lambda v: 1.0 / v), Field(ge=0.001, le=10.0)
 ]
 
 
@@ -173,7 +166,7 @@ class RosMapSpec(StrictModel):
     ]
     mode: Annotated[
         Literal["trinary", "scale", "raw"],
-        BeforeValidator(lambda value: str(value).lower()),
+        BeforeValidator(lambda value: value.lower() if isinstance(value, str) else value),
         Field(description="meaning of the grey levels"),
     ] = "trinary"
     negate: Annotated[
@@ -237,7 +230,8 @@ def plan_of_image(
             f"a floor plan is an image of {', '.join(IMAGE_SUFFIXES)}; convert it",
             file=shown_path(image),
         )
-    pixels = read_image(image, cv2.IMREAD_UNCHANGED)
+    jpeg = image.suffix.lower() in {".jpg", ".jpeg"}  # which photographs turn by their EXIF data
+    pixels = read_image(image, cv2.IMREAD_COLOR if jpeg else cv2.IMREAD_UNCHANGED)
     if pixels.shape[0] * pixels.shape[1] > MAX_CELLS:
         raise MapError(
             f"the image has {pixels.shape[1]} x {pixels.shape[0]} pixels, a floor plan at most "
@@ -245,8 +239,7 @@ def plan_of_image(
             file=shown_path(image),
         )
     grey, transparent = _grey_levels(pixels)
-    blur = _BLUR if image.suffix.lower() in {".jpg", ".jpeg"} else 0
-    states = _states(grey, transparent, spec, blur)
+    states = _states(grey, transparent, spec, _BLUR if jpeg else 0)
     return OccupancyMap(states[::-1], spec.resolution, Pose(*spec.origin), file, assumed)
 
 

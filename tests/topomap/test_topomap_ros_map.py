@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from PIL import Image
 
 from navfw.errors import ConfigError, InputError, MapError
 from navfw.signals import Pose
@@ -108,6 +109,19 @@ def test_the_values_of_a_pgm_are_shares_of_its_largest(
     assert states(file) == [[OCCUPIED, FREE], [middle, FREE]]
 
 
+def test_pgms_of_windows_and_turned_photographs(tmp_path: Path) -> None:
+    file = write(tmp_path)
+    head = b"P5\r\n2 2\r\n255\r\n"
+    (tmp_path / "plan.pgm").write_bytes(head + bytes((0, 254, 205, 254)))
+    assert states(file) == [[OCCUPIED, FREE], [UNKNOWN, FREE]]
+    drawn = Image.fromarray(np.kron(np.array([[0, 254]], np.uint8), np.ones((16, 16), np.uint8)))
+    exif = Image.Exif()
+    exif[0x0112] = 6  # as a telephone held upright writes it
+    drawn.save(tmp_path / "plan.jpg", exif=exif)
+    file.write_text(file.read_text().replace("plan.pgm", "plan.jpg"))
+    assert np.array(states(file)).shape == (32, 16)
+
+
 def test_jpegs_have_a_band_of_unknown_grey(tmp_path: Path) -> None:
     pixels = np.kron(np.array([[0, 205, 254]], np.uint8), np.ones((16, 16), np.uint8))
     read = np.array(states(write(tmp_path, "plan.jpg", pixels)))
@@ -126,9 +140,11 @@ def test_jpegs_have_a_band_of_unknown_grey(tmp_path: Path) -> None:
         ({"origin": "[0, 0]"}, "origin"),
         ({"origin": "[0, 0, 90]"}, "got 90: degrees[?] Write 1.5708"),
         ({"origin": "[0, 0, -45.0]"}, "degrees[?] Write -0.785398"),
-        ({"origin": "[0, 0, -nan]"}, r"origin\[2\]: expected radians, got nan: .* Write 0.0"),
+        ({"origin": "[0, 0, -nan]"}, r"origin\[2\]: expected radians .0.0 if unknown., got nan"),
         ({"origin": "[0, 0, north]"}, "'north'"),
         ({"free_thresh": 19.6}, "per cent[?] Write 0.196"),
+        ({"occupied_thresh": 165}, "occupied_thresh: expected 0 to 1, got 165$"),
+        ({"mode": ""}, "mode: expected one of .*, got nothing"),
         ({"resolution": "null"}, "resolution"),
         ({"origin": "[0, 0, .inf]"}, "origin"),
         ({"origin": "[1e9, 0, 0]"}, "origin"),
