@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import re
 from pathlib import Path
-from xml.etree.ElementTree import tostring
+from xml.etree.ElementTree import indent, tostring
 
 import numpy as np
 
@@ -128,6 +128,7 @@ def loadable_urdf(model: UrdfModel, folder: Path) -> Path:
         for dynamics in joint.findall("dynamics"):
             if not {"damping", "friction"} & set(dynamics.keys()):
                 joint.remove(dynamics)
+    indent(root)  # PyBullet breaks lines after 8192 characters, within numbers as well
     written = folder / "robot.urdf"
     written.write_bytes(tostring(root))
     return written

@@ -253,6 +253,8 @@ _NO_INERTIA = 1e-6
 """Its moments of inertia [kg m^2]."""
 _BULLET_ERROR = r"b3Error\[[^\]]*\]:\s*(.*?)\s*(?=b3(?:Error|Warning)\[|$)"
 """What PyBullet prints of an error."""
+_MAX_JOINTS = 127
+"""Largest number of joints, fixed ones included, of a body in PyBullet."""
 _HOLDING = 50.0
 """Torque limit of joints that are held [N m], or force limit [N]."""
 
@@ -286,6 +288,9 @@ class UrdfBody(WheeledBody):
         self.set_wheel_speeds(0.0, 0.0)
 
     def _load(self, drive: UrdfDrive, start: Pose) -> int:
+        if (count := len(drive.model.joints)) > _MAX_JOINTS:
+            what = f"has {count} joints, PyBullet takes {_MAX_JOINTS}: join links that never move"
+            raise ConfigError(what, file=shown_path(drive.model.file))
         x, y = start.to_parent(-float(drive.origin[0]), -float(drive.origin[1]))
         flags = bullet.URDF_USE_INERTIA_FROM_FILE
         at = [x, y, -float(drive.origin[2])]

@@ -136,6 +136,18 @@ def test_what_is_only_seen_or_meant_for_others_does_no_harm(folder: Path) -> Non
     assert drives("bot.urdf") == pytest.approx(0.48, abs=0.04)
 
 
+def test_a_urdf_in_one_long_line_is_driven(folder: Path) -> None:
+    """As xacro writes it; PyBullet would cut words and numbers into two."""
+    more = "".join(link(f"x{n}") + joint(f"j{n}", f"x{n}") for n in range(120))
+    text = GOOD.replace("</robot>", f"{more}</robot>").replace("\n", " ")
+    (folder / "bot.urdf").write_text(text)
+    assert drives("bot.urdf") == pytest.approx(0.48, abs=0.04)
+    more = more.replace('"x', '"y').replace('"j', '"k')
+    (folder / "bot.urdf").write_text(text.replace("</robot>", f"{more}</robot>"))
+    said = refusal("run", "empty", "straight", "--robot", "bot.urdf")
+    assert "bot.urdf: has 244 joints, PyBullet takes 127" in said
+
+
 def test_a_dummy_root_is_no_second_root(folder: Path) -> None:
     text = GOOD.replace("</robot>", link("foot") + joint("foot_joint", "base", parent="foot"))
     (folder / "bot.urdf").write_text(f"{text}</robot>")
