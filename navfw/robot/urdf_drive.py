@@ -130,9 +130,11 @@ def _check_wheels(
                     raise ConfigError(what)
             radius = model.wheel_radii.get(model.joints[name].child)
             if radius and abs(radius / wheel_radius - 1.0) > _RADIUS_TOLERANCE:
-                what = f"{wheel_radius:g} m, but the wheel of {name!r} has a radius of {radius:g} m"
+                what = (
+                    f"wheels of {wheel_radius:g} m, but that of {name!r} has a radius of {radius:g}"
+                )
                 with _place(document, at, "wheel_radius"):
-                    raise ConfigError(f"{what}: give that, or name wheels of one size")
+                    raise ConfigError(f"{what} m: give that, or name wheels of one size")
 
 
 def axis_across(model: UrdfModel, joint: str) -> float:

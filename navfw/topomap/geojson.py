@@ -18,12 +18,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from navfw.config.input_file import parse_json
-from navfw.errors import MapError
+from navfw.errors import MapError, locating
 from navfw.topomap.georeference import LocalFrame, local_frame
 from navfw.topomap.mapfile import EDGE_KEYS, MapImporter, map_data
 from navfw.topomap.topological_map import TopoMap
 
 _EDGES = ("MultiLineString", "LineString")
+_DEGREES = re.compile(r"\bwgs[-_ ]?84\b", re.IGNORECASE)
+"""A frame of longitude and latitude."""
 _VALUE = re.compile(r"[^\s,]")
 """The first character of an item of a list."""
 
@@ -164,7 +166,12 @@ def read_geojson(text: str, file: str, both_ways: bool) -> TopoMap:
         for index, feature in enumerate(data["features"])
     ]
     nodes = [feature for feature in features if feature.kind == "Point"]
-    frame = _frame_of(nodes, json.dumps(data.get("crs", "")), file, _line_of(text, "crs"))
+    # what names a frame, as Nav2's and navfw's nodes do, is in metres
+    frames = {str(f) for node in nodes if (f := node.part("properties").get("frame")) is not None}
+    crs = json.dumps(data.get("crs", "")) + " CRS84" * bool(_DEGREES.search(" ".join(frames)))
+    points = [node.point for node in nodes]
+    with locating(file=file, line=_line_of(text, "crs"), key="crs"):
+        frame = local_frame(points, crs, metric=bool(frames))
     importer, places = MapImporter(file, both_ways, frame), dict[int, _Feature]()
     for node in nodes:
         number = node.number("id")
@@ -188,20 +195,6 @@ def read_geojson(text: str, file: str, both_ways: bool) -> TopoMap:
     importer.set_floor_plan(data.get("floor_plan"), _line_of(text, "floor_plan"))
     name = data.get("name")
     return importer.finish(name if isinstance(name, str) and name else "graph")
-
-
-def _frame_of(nodes: list[_Feature], crs: str, file: str, line: int) -> LocalFrame:
-    """The frame of the nodes; those that name a frame, as Nav2's and navfw's, are in metres."""
-    frames = {
-        str(node.part("properties")["frame"])
-        for node in nodes
-        if "frame" in node.part("properties")
-    }
-    crs += " EPSG:4326" * any(re.fullmatch("wgs[-_ ]?84", frame.lower()) for frame in frames)
-    try:
-        return local_frame([node.point for node in nodes], crs, metric=bool(frames))
-    except ValueError as error:
-        raise MapError(str(error), file=file, line=line, key="crs") from None
 
 
 def _end_of(edge: _Feature, key: str, places: dict[int, _Feature]) -> _Feature:

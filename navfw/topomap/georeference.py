@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from navfw.assumption import Assumption
+from navfw.errors import MapError
 
 _RADIUS, _ECCENTRICITY = 6_378_137.0, 0.00669437999014  # defined
 """Of the ellipsoid WGS 84: its larger radius [m], and the square of its eccentricity."""
@@ -45,7 +46,7 @@ def local_frame(
     known to be ``metric``.
 
     Raises:
-        ValueError: ``crs`` says feet, or degrees that cannot be those of a map.
+        MapError: ``crs`` says feet, or degrees that cannot be those of a map.
 
     """
     if not points or not all(math.isfinite(value) for point in points for value in point):
@@ -57,9 +58,9 @@ def local_frame(
     if metric and not geographic:
         return LocalFrame()
     if _FEET.search(crs):
-        raise ValueError("the crs is in feet: convert the places to metres")
+        raise MapError("the crs is in feet: convert the places to metres")
     if geographic and not possible:
-        raise ValueError(
+        raise MapError(
             "the crs says degrees of longitude and latitude, in which the places would span "
             f"{span:g} degrees, not less than {_SPAN:g}; if they are metres, remove the crs"
         )

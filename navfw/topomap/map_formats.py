@@ -23,11 +23,11 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 from navfw.config.document import parse_mapping, parse_yaml
 from navfw.config.foreign_files import line_of, read_xml
 from navfw.config.input_file import parse_json, read_input_text, shown_path
-from navfw.errors import ConfigError, MapError
+from navfw.errors import MapError, locating
 from navfw.process.atomic import write_text
 from navfw.topomap import mapfile
 from navfw.topomap.geojson import geojson_text, read_geojson
-from navfw.topomap.georeference import LocalFrame, local_frame
+from navfw.topomap.georeference import local_frame
 from navfw.topomap.occupancy_map import save_ros_map
 from navfw.topomap.tmap import nodes_path, read_tmap
 from navfw.topomap.topological_map import TopoMap
@@ -97,37 +97,28 @@ class _GraphmlReader:
         for edge in root.iter("hyperedge"):
             raise self._error(edge, edge.tag, "a passage connects two places: use several edges")
         nodes = [(node, self._values(node)) for node in root.iter("node")]
-        frame = self._frame_of(graph, [values for _, values in nodes])
+        points = [(node["x"], node["y"]) for _, node in nodes if "x" in node and "y" in node]
+        values, line = self._values(graph), line_of(graph)
+        with locating(file=file, line=line, key="crs"):  # navfw's own files are in metres
+            crs, metric = str(values.get("crs", "")), "node-x" in self._keys
+            frame = local_frame(points, crs, metric=metric)
         importer = mapfile.MapImporter(file, both_ways, frame)
-        for node, values in nodes:
+        for node, at in nodes:
             name = self._attribute(node, "id")
-            if "x" in values and "y" in values:
-                values["x"], values["y"] = frame(values["x"], values["y"])
-            importer.add_place(name, values, line_of(node), f"node {name!r}")
+            if "x" in at and "y" in at:
+                at["x"], at["y"] = frame(at["x"], at["y"])
+            importer.add_place(name, at, line_of(node), f"node {name!r}")
         for edge in root.iter("edge"):
             ends = self._attribute(edge, "source"), self._attribute(edge, "target")
             directed = edge.get("directed", graph.get("edgedefault")) in {"true", "directed"}
             importer.add_edge(*ends, self._values(edge), line_of(edge), directed=directed)
-        values = self._values(graph)
-        importer.set_floor_plan(values.get("floor_plan"), line_of(graph))
-        try:
+        importer.set_floor_plan(values.get("floor_plan"), line)
+        with locating(line=line, key="landmarks"):
             landmarks = parse_json(str(values.get("landmarks", "{}")), file)
-        except ConfigError:
-            landmarks = None
         if not isinstance(landmarks, dict):
-            what = "expected a JSON object of landmarks by name"
-            raise self._error(graph, "landmarks", what)
-        importer.add_landmarks(landmarks, line_of(graph))
+            raise self._error(graph, "landmarks", "expected a JSON object of landmarks by name")
+        importer.add_landmarks(landmarks, line)
         return importer.finish(graph.get("id") or "graph")
-
-    def _frame_of(self, graph: Element, nodes: list[dict[str, Any]]) -> LocalFrame:
-        """The frame of the nodes; those of navfw's own files are in metres."""
-        points = [(node["x"], node["y"]) for node in nodes if "x" in node and "y" in node]
-        try:
-            crs = str(self._values(graph).get("crs", ""))
-            return local_frame(points, crs, metric="node-x" in self._keys)
-        except ValueError as error:
-            raise self._error(graph, "crs", str(error)) from None
 
     def _values(self, element: Element) -> dict[str, Any]:
         """Return the <data> of an element by name, as the types that their keys declare."""
