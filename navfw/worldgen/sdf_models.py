@@ -56,7 +56,7 @@ class SdfFiles:
         for name in (unquote(fuel[1]), unquote(fuel[1]).lower()) if fuel else (uri,):
             for path in self._paths(name, near):
                 versions = sorted(
-                    path.glob("[0-9]*/model.sdf"), key=lambda file: int(file.parent.name)
+                    path.glob("[0-9]*/model.sdf"), key=lambda f: _numbers(f.parent.name)
                 )
                 for file in (path, path / _sdf_name(path), *versions[-1:]):
                     if is_file(file):
@@ -81,8 +81,12 @@ def _sdf_name(folder: Path) -> str:
         files = read_xml(folder / "model.config", "a model.config").findall("sdf")
     except ConfigError:
         return "model.sdf"  # Gazebo needs no model.config, and reads damaged ones
-    files.sort(key=lambda sdf: [int(n) for n in re.findall(r"\d+", sdf.get("version", "0"))])
+    files.sort(key=lambda sdf: _numbers(sdf.get("version", "0")))
     return (files[-1].text or "").strip() if files else "model.sdf"
+
+
+def _numbers(version: str) -> list[int]:
+    return [int(number) for number in re.findall(r"\d+", version)]
 
 
 def included_model(include: Element, found: Path) -> Element:
