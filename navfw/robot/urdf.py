@@ -198,6 +198,8 @@ def _collision(link: str, element: Element) -> UrdfCollision:
             length += 2.0 * radius
         round_ = [2.0 * radius, 2.0 * radius, length]
         size = np.array(attribute_numbers(shape, "size", round_))
+        if size.min() < 0.0:
+            raise element_error(shape, f"link {link!r}: expected sizes of at least 0 m")
     return UrdfCollision(link, shape, origin_frame(element.find("origin")), size, radius)
 
 

@@ -32,7 +32,7 @@ _MAX_SIZE = 20.0  # chosen
 """Largest extent of a robot's mesh [m]: one of 30 cm in millimetres is 300 m large."""
 
 
-def _mesh_path(model: UrdfModel, name: str) -> Path | None:
+def mesh_path(model: UrdfModel, name: str) -> Path | None:
     """Where the mesh called ``name`` is, or should be; None if its package is not there."""
     if not (prefix := _PACKAGE.match(name)):
         return model.file.parent / name.removeprefix(_FILE)
@@ -50,7 +50,7 @@ def check_meshes(model: UrdfModel) -> None:
     colliding = set(model.root.iterfind("link/collision/geometry/mesh"))
     for mesh in model.root.iter("mesh"):
         name = mesh.get("filename", "")
-        file = _mesh_path(model, name)
+        file = mesh_path(model, name)
         if file is not None and is_file(file):
             if _is_empty(file):
                 raise element_error(
@@ -83,7 +83,7 @@ def mesh_corners(model: UrdfModel, collision: UrdfCollision) -> Array:
     name = collision.shape.get("filename", "")
     scale = attribute_numbers(collision.shape, "scale", [1.0, 1.0, 1.0])
     try:
-        corners = _triangles(_mesh_path(model, name) or Path(name)).reshape(-1, 3) * scale
+        corners = _triangles(mesh_path(model, name) or Path(name)).reshape(-1, 3) * scale
     except ConfigError as error:
         raise element_error(collision.shape, f"mesh {name!r}: {error}") from None
     size = float(np.ptp(corners, axis=0).max())
@@ -108,7 +108,7 @@ def loadable_urdf(model: UrdfModel, folder: Path) -> Path:
     root = copy.deepcopy(model.root)
     root.set("name", root.get("name") or "robot")
     files = {
-        mesh: _mesh_path(model, mesh.get("filename", "")) for mesh in root.iterfind("link//mesh")
+        mesh: mesh_path(model, mesh.get("filename", "")) for mesh in root.iterfind("link//mesh")
     }
     for mesh, file in files.items():
         mesh.set("filename", str(file))

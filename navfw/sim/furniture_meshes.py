@@ -13,7 +13,8 @@ from navfw.errors import ConfigError
 from navfw.meshes.mesh_file import MAX_TRIANGLES, TriangleMesh, joined, read_mesh, solid_mesh
 from navfw.numerics.products import product
 from navfw.robot.urdf import read_urdf
-from navfw.robot.urdf_model import UrdfCollision, attribute_numbers
+from navfw.robot.urdf_meshes import mesh_path
+from navfw.robot.urdf_model import UrdfCollision, UrdfModel, attribute_numbers
 
 Up = Literal["y", "z"]
 
@@ -61,7 +62,7 @@ def _urdf_mesh(path: Path) -> TriangleMesh:
         raise ConfigError(what, file=shown_path(path))
     return joined(
         [
-            _shape_mesh(path, collision).moved(
+            _shape_mesh(model, collision).moved(
                 product(model.frame_of(collision.link), collision.frame)
             )
             for collision in model.collisions
@@ -69,7 +70,7 @@ def _urdf_mesh(path: Path) -> TriangleMesh:
     )
 
 
-def _shape_mesh(path: Path, collision: UrdfCollision) -> TriangleMesh:
+def _shape_mesh(model: UrdfModel, collision: UrdfCollision) -> TriangleMesh:
     """The mesh of one <geometry>, around its own origin."""
     shape, size = collision.shape, collision.size
     if size is not None:
@@ -77,7 +78,8 @@ def _shape_mesh(path: Path, collision: UrdfCollision) -> TriangleMesh:
             key = "size" if shape.tag == "box" else "length" if collision.radius > 0.0 else "radius"
             raise element_error(shape, f"{key} of <{shape.tag}>: expected positive lengths [m]")
         return solid_mesh(shape.tag, size)
-    mesh = read_mesh(path.parent / shape.get("filename", ""))
+    name = shape.get("filename", "")
+    mesh = read_mesh(mesh_path(model, name) or Path(name))
     scale = attribute_numbers(shape, "scale", [1.0, 1.0, 1.0])
     if min(scale) > 0.0:
         return mesh.moved(np.diag([*scale, 1.0]))

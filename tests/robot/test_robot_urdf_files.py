@@ -113,6 +113,7 @@ TREES = {
     ),
     "cone": (GOOD.replace("<sphere", "<cone"), r"'ball': its <collision> needs one .* got <cone>"),
     "no radius": (GOOD.replace('radius="0.03"', ""), "got <sphere>; known: .*<sphere radius=>"),
+    "negative size": (GOOD.replace('size="0.4', 'size="-0.4'), "bot.urdf:2: link 'base': expected"),
     "no geometry": (GOOD.replace('<sphere radius="0.03"/>', ""), "in <geometry>, got nothing"),
 }
 

@@ -289,7 +289,8 @@ def test_urdf_spheres_and_meshes_take_their_place(tmp_path: Path) -> None:
     text = (
         "<robot name='r'><link name='a'><collision><geometry><sphere radius='0.1'/></geometry>"
         "</collision></link><link name='b'><collision><origin xyz='0 0 1'/><geometry>"
-        "<mesh filename='armchair.obj' scale='2 1 1'/></geometry></collision></link>"
+        f"<mesh filename='package://{tmp_path.name}/armchair.obj' scale='2 1 1'/></geometry>"
+        "</collision></link>"
         "<joint name='j' type='continuous'><parent link='a'/><child link='b'/>"
         "<origin xyz='3 0 0' rpy='0 0 1.57079632679'/></joint></robot>"
     )
