@@ -49,21 +49,21 @@ PANELS = {
 """The commands by their heading in ``navfw --help``, each with its module."""
 
 _OF_PACKAGES = "Of installed packages"
-"""The heading of commands that other packages add."""
+"""The heading in ``navfw --help`` of commands that other packages add."""
 
 UsageError: Any = typer.BadParameter.__base__
-"""The error of a wrong command line; typer has no public name for it."""
+"""The exception for a wrong command line; typer has no public name for it."""
 
 
 class _Navfw(SuggestingGroup):
     """Prints a ``NavfwError`` as one message on stderr and exits with its code.
 
-    Before a project's plugins are executed for the first time it asks, where there is a terminal.
+    Before it executes a project's plugins for the first time, it asks, if there is a terminal.
     """
 
     @property
     def panels(self) -> dict[str, Any]:
-        """Those of ``PANELS``, and the commands of installed packages."""
+        """The commands of ``PANELS`` and of installed packages, by heading."""
         return PANELS | ({_OF_PACKAGES: self._others} if self._others else {})
 
     @property
@@ -76,13 +76,13 @@ class _Navfw(SuggestingGroup):
         return [*{**dict.fromkeys(super().list_commands(ctx)), **self._others}]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """The command of that name; one of an installed package is imported."""
+        """Return the command of that name; if an installed package has it, it is imported."""
         if cmd_name not in self.commands and cmd_name in self._others:
             self.commands[cmd_name] = load_command(self._others[cmd_name])
         return super().get_command(ctx, cmd_name)
 
     def summary(self, name: str) -> str:
-        """The first sentence on a command; those of packages are not imported for it."""
+        """The first sentence on a command; packages are not imported for it."""
         return summary_of(self._others[name]) if name in self._others else super().summary(name)
 
     def invoke(self, ctx: Any) -> Any:
@@ -147,7 +147,7 @@ accept_trust(app)
 
 
 def main() -> None:
-    """The console script; exits with navfw's exit code."""
+    """Run the console script, and exit with navfw's exit code."""
     command = next((word for word in sys.argv[1:] if not word.startswith("-")), "")
     with standard_streams():
         try:

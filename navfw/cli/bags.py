@@ -1,4 +1,4 @@
-"""``navfw export``, and the replay of bags: recordings in the formats of ROS."""
+"""``navfw export`` and ``navfw replay`` for bags: recordings in the formats of ROS."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ def replay_bag(
     json: bool,
     quiet: bool,
 ) -> Path:
-    """Replay a bag and print the result.
+    """Replay a bag, print the result, and return the run folder that was written.
 
     ``of_bag`` are the topic of images, the gyro's axes and the robot, ``on_map`` the map's name,
-    goals and start. Returns the run folder.
+    goals and start; None: the default.
     """
     name, goals, start = on_map
     with ProgressBar("replay", "ticks", quiet=quiet) as bar, quiet_stdout():

@@ -1,4 +1,4 @@
-"""``navfw check [PATH...]`` and ``navfw schema KIND``: data files by their kind, and plugins."""
+"""``navfw check [PATH...]`` checks data files and plugins; ``navfw schema KIND`` prints schemas."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Checked = dict[str, Any]
 PLUGIN_FOLDERS = ("behaviors", "plugins")
 _SUFFIXES = {".yaml", ".yml"}
 _TRIED = ("behavior", "composite")
-"""Kinds of plugins that are tried in scenes."""
+"""Kinds of plugins that are called in scenes."""
 
 
 def check(
@@ -75,9 +75,9 @@ def schema(
         ),
     ],
 ) -> None:
-    """Print the JSON Schema of a kind of file. Editors complete and explain keys by it.
+    """Print the JSON Schema of a kind of file. Editors complete and explain keys with it.
 
-    It gives keys, types and bounds. What files say of each other is checked by navfw check.
+    It has keys, types and bounds. References between files are checked by navfw check.
     """
     if kind not in (known := [*FILE_KINDS, "result"]):
         raise UnknownNameError("kind of file", kind, known)
@@ -185,9 +185,9 @@ def _check_data_file(file: Path, registry: Registry) -> Checked:
 
 
 def data_files(folder: Path) -> list[Path]:
-    """The data files in ``folder``, of a project or one of its parts, in the order of their names.
+    """The data files in ``folder``, a project or a part of one, sorted by name.
 
-    Rule bases beside a plugin's file are not among them: they are checked with the plugin.
+    Rule bases beside a plugin's file are left out: they are checked with the plugin.
     """
     files = {
         file

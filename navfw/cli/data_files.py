@@ -1,7 +1,7 @@
-"""``navfw check`` and ``navfw list`` of data files whose kind needs more than a load.
+"""Checks and summaries of data files for ``navfw check`` and ``navfw list``.
 
-The checks are named in ``navfw.config.file_kinds``: those before a run. Summaries are read from a
-file alone: worlds are not built, and maps not checked.
+``navfw.config.file_kinds`` names the checks: they are those before a run. Summaries are read only
+from the file: worlds are not built, and maps not checked.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def check_map(path: Path, registry: Registry) -> None:
-    """Check a map by itself, and its kinds of landmark."""
+    """Check a map and its kinds of landmarks."""
     from navfw.topomap.mapfile import load_map
 
     def landmark_kind(name: str) -> str:
@@ -68,7 +68,7 @@ def _check_start(session: Session) -> None:
 
 
 def check_stack(path: Path, registry: Registry) -> None:
-    """Check a stack with all parameters of its plugins, and the files that these read."""
+    """Check a stack, all parameters of its plugins, and the files that these read."""
     from navfw.stack.stackfile import load_stack
 
     for chosen in load_stack(path, registry).plugins:
@@ -93,7 +93,7 @@ _KEYS: dict[str, dict[str, Any]] = {
 def summary(kind: str, path: Path) -> dict[str, Any]:
     """What ``navfw list`` shows of the file of a ``kind`` at ``path``: description and columns.
 
-    Other keys are not checked. Of maps and suites the parts are counted; of stacks these are the
+    Other keys are not checked. For maps and suites it has the numbers of parts; for stacks the
     names of each stage's plugins.
 
     Raises:

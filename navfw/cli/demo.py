@@ -16,7 +16,7 @@ from navfw.cli.warm import compile_with_progress
 from navfw.process.interruption import INTERRUPTED
 
 _SPEED = 1.5
-"""Simulated per wall time, at most: the five drives of 134 s take 90 s, loading the rest."""
+"""Largest simulated time per wall time: the five drives of 134 s take 90 s, loading the rest."""
 
 DRIVES = (
     ("paper-room", "into-the-room", "through a door, around a column"),
@@ -25,7 +25,7 @@ DRIVES = (
     ("office", "door-closes", "a door that closes in front of the robot"),
     ("office", "workshop-to-office-a", "a corridor, and a room on its other side"),
 )
-"""World, mission, and what it shows."""
+"""World, mission, and what the drive shows."""
 
 
 def demo(

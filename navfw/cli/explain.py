@@ -21,11 +21,11 @@ _At = Annotated[
 _From = Annotated[
     float,
     typer.Option(
-        "--from", show_default=False, help="Of the story: tell in detail from this time on [s]."
+        "--from", show_default=False, help="Tell the story in detail from this time on [s]."
     ),
 ]
 _To = Annotated[
-    float, typer.Option("--to", show_default=False, help="Of the story: up to this time [s].")
+    float, typer.Option("--to", show_default=False, help="Tell the story up to this time [s].")
 ]
 _Instead = Annotated[
     str | None,
@@ -114,4 +114,4 @@ def _not_heard(explanation: Mapping[str, Any]) -> Iterator[str]:
 
 
 _NO_SAY = 0.01
-"""Weight up to which a behaviour as good as does not apply."""
+"""Weight up to which a behaviour counts as not applicable."""

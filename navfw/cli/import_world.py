@@ -1,4 +1,4 @@
-"""``navfw world import``: worlds from Gazebo files, or from floor plans as of ROS' map_server."""
+"""``navfw world import``: worlds from Gazebo files, or from floor plans of ROS' map_server."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class ImportOptions:
             metavar="FILE...", help="SDF file, map_server yaml, or image of a floor plan."
         ),
     ]
-    out: Annotated[Path, typer.Option(help="Folder to write; of several files each gets OUT/NAME.")]
+    out: Annotated[Path, typer.Option(help="Folder to write; several files get OUT/NAME each.")]
     start: Annotated[
         str | None,
         typer.Option(metavar="X,Y,YAW", help="SDF: start [m, rad]; not needed for a BARN world."),
@@ -48,16 +48,16 @@ class ImportOptions:
         float | None, typer.Option(help="Image: edge of a pixel [m]; a yaml file has its own.")
     ] = None
     speckle: Annotated[
-        float | None, typer.Option(help="Plan: spots up to this size vanish [m] [default: 0.12].")
+        float | None, typer.Option(help="Plan: remove spots up to this size [m] [default: 0.12].")
     ] = None
     gap: Annotated[
-        float | None, typer.Option(help="Plan: narrower openings are closed [m] [default: 0.15].")
+        float | None, typer.Option(help="Plan: close narrower openings [m] [default: 0.15].")
     ] = None
     inside: Annotated[
         str | None,
         typer.Option(
             metavar="X,Y",
-            help="Plan: take the piece of free ground with this point [m].",
+            help="Plan: import the piece of free ground with this point [m].",
             show_default="the largest within walls",
         ),
     ] = None
@@ -85,15 +85,16 @@ class ImportOptions:
 _OF_SDF = ("start", "goal", "skip_unsupported", "models")
 _OF_PLANS = ("speckle", "gap", "inside", "name")
 Made = tuple[dict[str, Any], tuple[str, ...], tuple[str, ...], tuple[Assumption, ...]]
-"""Of an imported world: the object of ``--json``, its lines, what was left out and assumed."""
+"""Of an imported world: the object of ``--json``, the lines to print, what was left out, and what
+was assumed."""
 
 
 @from_options
 def import_(options: ImportOptions) -> None:
-    """Make worlds of Gazebo worlds, or of floor plans: with a map, and missions between places.
+    """Import Gazebo worlds or floor plans as worlds, with a map and missions between places.
 
-    Drive in one with navfw run FOLDER MISSION. Of several files, one that cannot be imported costs
-    itself alone; exit with 2 if there is one.
+    Drive in one with navfw run FOLDER MISSION. If one of several files cannot be imported, the
+    others are; exit with 2.
     """
     folders = _folders(options.source, options.out)
     with ProgressBar("import", "files", quiet=options.quiet) as bar, quiet_stdout():

@@ -1,9 +1,9 @@
 """Commands of other installed packages: entry points of the group ``navfw.commands``.
 
-An entry point is named as the command, and leads to a function, as in ``typer``, or to a
+An entry point has the name of the command, and refers to a function, as in ``typer``, or to a
 ``typer.Typer``, which is a group of commands. Its module is imported when the command is used;
-``navfw --help`` shows the module's first line, which is its docstring's. Of two commands with one
-name, navfw's own is kept.
+``navfw --help`` shows the first line of the module's docstring. If navfw has a command of the same
+name, navfw's is used.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def installed_commands() -> dict[str, EntryPoint]:
 
 
 def summary_of(point: EntryPoint) -> str:
-    """What a command does, as its module says, or why it cannot be used."""
+    """The first line of the command's module, or the reason why it cannot be used."""
     file = file_of(point.module)
     if file is None:
         return f"Broken: there is no module {point.module}."
@@ -36,10 +36,10 @@ def summary_of(point: EntryPoint) -> str:
 
 @lru_cache(maxsize=32)  # the options are added to its functions once
 def load_command(point: EntryPoint) -> Any:
-    """The command of an entry point, imported.
+    """Import the command of an entry point.
 
     Raises:
-        PluginError: it cannot be imported, or is no command.
+        PluginError: it cannot be imported, or is not a command.
 
     """
     app = typer.Typer(rich_markup_mode=None)

@@ -1,4 +1,4 @@
-"""``navfw list KIND``: worlds, missions, maps and other files by name, and plugins."""
+"""``navfw list KIND``: lists worlds, missions, maps and other files by name, and plugins."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Row = dict[str, Any]
 
 
 def add_to(app: typer.Typer) -> None:
-    """Add ``list`` with a command for each kind."""
+    """Add the command ``list`` to ``app``, with a command for each kind of file."""
     group = typer.Typer(cls=SuggestingGroup)
     group.callback(invoke_without_command=True)(kinds)
     for kind in FILE_KINDS.values():
@@ -34,7 +34,7 @@ def add_to(app: typer.Typer) -> None:
 def kinds(ctx: typer.Context, json: JsonList = False) -> None:
     """List worlds, missions and other files by name, and plugins.
 
-    Without a kind, list the kinds with their numbers; plugins are counted without executing any.
+    Without a kind, list the kinds with their numbers of files; no plugin is executed.
     """
     if ctx.invoked_subcommand is not None:
         return
@@ -69,7 +69,7 @@ def _lister(kind: FileKind) -> Callable[[bool], None]:
 def plugins(
     kind: Annotated[
         str | None,
-        typer.Option("--kind", help="Of one kind alone, with parameters: behavior, flow, ..."),
+        typer.Option("--kind", help="List only this kind, with parameters: behavior, flow, ..."),
     ] = None,
     parameters: Annotated[
         bool, typer.Option("--parameters", help="List parameters, and verify navfw's own plugins.")
@@ -78,7 +78,7 @@ def plugins(
 ) -> None:
     """List the plugins. Exit with 2 if one is broken; its error is listed.
 
-    With --parameters, --kind or --json their parameters are listed, too.
+    With --parameters, --kind or --json the parameters are listed as well.
     """
     with quiet_stdout():
         from navfw.plugins.registry import check_kind, default_registry

@@ -1,4 +1,4 @@
-"""The live server of ``navfw run --live`` and ``navfw demo``: what it shows, and its address."""
+"""The live server of ``navfw run --live`` and ``navfw demo``: its content and its address."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def shown_live(session: Session) -> tuple[SeenRun, str]:
-    """What the live server shows of a run, and its page."""
+    """The content of the live server for a run: what it draws, and its page."""
     from navfw.report import live_page
     from navfw.sim.chase_view import ChaseView
 
@@ -32,7 +32,7 @@ def live_server(
     speed: float | None = None,
     wait: bool = False,
 ) -> LiveServer:
-    """The server of a run, with its address printed; arguments as those of ``LiveServer``."""
+    """Start the live server of a run, and print its address; arguments as of ``LiveServer``."""
     from navfw.recording.live_server import LiveServer
 
     seen, page = shown_live(session)

@@ -1,4 +1,4 @@
-"""``navfw map``: show, check, build and convert topological maps, plan on them, and learn them."""
+"""``navfw map``: show, check, build, convert and teach topological maps, and plan on them."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _OverWorld = Annotated[
 
 
 def add_to(app: typer.Typer) -> None:
-    """Add ``map`` with its commands."""
+    """Add the command ``map`` with its commands to ``app``."""
     group = command_group("Show, check, compare, build, teach and convert maps; plan on them.")
     commands = (show, check, diff, build, teach, name, plan, learn_landmarks, learn_situations)
     for command in (*commands, convert, export):
@@ -344,7 +344,7 @@ def learn_situations(
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Learn the situations at places. The table says how often OFFIS infers each (METHOD 4.4)."""
+    """Learn a table of how often OFFIS infers each situation at each kind of place."""
     with quiet_stdout():
         from navfw.plugins import default_registry
         from navfw.suite.learning_drives import learn_situations, tables

@@ -23,7 +23,7 @@ _Start = Annotated[
 
 
 def add_to(app: typer.Typer) -> None:
-    """Add ``new`` with its commands."""
+    """Add the command ``new`` with its commands to ``app``."""
     group = command_group("Begin a project, or a part of one.")
     group.command()(project)
     for kind, part in PARTS.items():
@@ -36,8 +36,8 @@ def project(
 ) -> None:
     """Write a project: behaviour, rules, stack, world, map, mission and tests.
 
-    All of it passes. Nothing that exists is overwritten. The project is trusted: its plugins are
-    those just written.
+    All of it passes its checks. Existing files are not overwritten. The project is trusted: its
+    plugins are those just written.
     """
     from navfw.config.project_trust import trust
     from navfw.scaffold.new_files import activation, write_project

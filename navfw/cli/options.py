@@ -1,8 +1,8 @@
-"""Arguments and options shared by several commands, names that the shell completes, and groups.
+"""Arguments and options shared by several commands, completion of names, and command groups.
 
-Completers list files and execute no code of a project: a behaviour has the name of its file.
-Whatever is wrong, a shell must not see an error in the middle of a line: then nothing is completed.
-Groups show help by panels, and the command that an unknown word may have meant.
+Completers list files and execute no code of a project: a behaviour has the name of its file. If
+anything is wrong, nothing is completed, so that no error appears in the middle of a line. Groups
+show help by panels, and suggest the commands that an unknown word may have meant.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ Names = Callable[[typer.Context], Iterable[str]]
 _Completer = Callable[[typer.Context, str], list[str]]
 
 _PARTS_OF_MISSION = ("mission.", "robot.", "sensors.")
-"""What ``--set`` may begin with besides a behaviour's name."""
+"""Prefixes of ``--set`` besides the names of behaviours."""
 
 
 def _completer(names: Names) -> _Completer:
@@ -55,7 +55,7 @@ def _completer(names: Names) -> _Completer:
 
 
 def completer_of(kind: str) -> _Completer:
-    """What completes the names of files of a kind of ``FILE_KINDS``."""
+    """Make a function that completes the names of files of a kind of ``FILE_KINDS``."""
 
     def names(_: typer.Context) -> Iterable[str]:
         return (file.name for file in list_files(kind))
@@ -65,14 +65,14 @@ def completer_of(kind: str) -> _Completer:
 
 @_completer
 def complete_mission(ctx: typer.Context) -> Iterable[str]:
-    """The missions of the world typed before."""
+    """Complete the missions of the world that was typed before."""
     world = ctx.params.get("world")
     return (mission.name for mission in list_missions(world)) if world else ()
 
 
 @_completer
 def complete_setting(_: typer.Context) -> Iterable[str]:
-    """What ``--set`` may begin with: behaviours, and parts of the mission."""
+    """Complete the first part of ``--set``: behaviours, and parts of the mission."""
     folders = (folder for folder in plugin_folders() if folder.name == "behaviors")
     behaviors = {f"{file.stem}." for folder in folders for file in plugin_files(folder)}
     return sorted({*behaviors, *_PARTS_OF_MISSION})
@@ -129,11 +129,11 @@ JsonList = Annotated[
 
 
 def of_robot(name: str | None) -> tuple[str, ...]:
-    """The option ``--robot`` as an argument of ``--set``; none without it.
+    """Convert the option ``--robot`` to arguments of ``--set``; none if it was not given.
 
     Raises:
         UnknownNameError: there is no robot of that name.
-        ConfigError: it is a path, and no such file exists.
+        ConfigError: ``name`` is a path, and no such file exists.
 
     """
     if name is None:
@@ -157,7 +157,7 @@ Video = Annotated[
 
 Topic = Annotated[
     str | None,
-    typer.Option(help="Topic of a bag's images; by default that with most."),
+    typer.Option(help="Topic of a bag's images; by default that with the most."),
 ]
 
 
@@ -165,14 +165,14 @@ ImuAxes = Annotated[
     str | None,
     typer.Option(
         metavar="AHEAD,LEFT,UP",
-        help="Axes of the gyro that point there, such as z,-x,-y; by default by /tf_static, the"
-        " frame's name or the turns of the wheels, else x,y,z.",
+        help="Axes of the gyro that point ahead, left, up, such as z,-x,-y; by default from"
+        " /tf_static, the frame's name or the turns of the wheels, else x,y,z.",
     ),
 ]
 
 
 EngineKind = Literal["processes", "dask"]
-"""What drives the runs."""
+"""Where a suite's runs are driven."""
 Workers = Annotated[int, typer.Option(min=1, max=256, help="Processes, each with one thread.")]
 Limit = Annotated[float, typer.Option(min=1.0, help="Largest wall time of a run [s].")]
 Memory = Annotated[float, typer.Option(min=100.0, help="Largest memory of a run's process [MB].")]
@@ -181,19 +181,19 @@ EngineName = Annotated[
 ]
 Scheduler = Annotated[
     str | None,
-    typer.Option(metavar="ADDRESS", help="Of --engine dask: tls://HOST:PORT, or tcp://."),
+    typer.Option(metavar="ADDRESS", help="With --engine dask: tls://HOST:PORT, or tcp://."),
 ]
 
 
 def check_engine(engine: EngineKind, scheduler: str | None) -> None:
-    """Raise typer.BadParameter unless an address is given for Dask, and for Dask alone."""
+    """Raise typer.BadParameter unless an address is given for Dask, and only for Dask."""
     if (engine == "dask") != (scheduler is not None):
         what = "needs --engine dask" if scheduler else "needs --scheduler tcp://HOST:PORT"
         raise typer.BadParameter(what, param_hint="--scheduler" if scheduler else "--engine dask")
 
 
 def numbers_of(option: str, text: str | None, names: tuple[str, ...]) -> tuple[float, ...] | None:
-    """The numbers of an option such as ``--goal 1.5,-2``; None where it is not given."""
+    """Parse an option such as ``--goal 1.5,-2``; None if it is not given, InputError if wrong."""
     if text is None:
         return None
     try:
@@ -206,7 +206,7 @@ def numbers_of(option: str, text: str | None, names: tuple[str, ...]) -> tuple[f
 
 
 def from_options(command: Callable[[OptionsT], None]) -> Callable[..., None]:
-    """The command whose arguments and options are the fields of the dataclass that it takes."""
+    """Make a typer command of a function whose only argument is a dataclass of its options."""
     cls: Any = get_type_hints(command)["options"]
     hints = get_type_hints(cls, include_extras=True)
 
@@ -230,11 +230,11 @@ def from_options(command: Callable[[OptionsT], None]) -> Callable[..., None]:
 
 
 MAX_MEANT = 3
-"""Largest number of commands that a message proposes."""
+"""Largest number of commands that a message suggests."""
 
 
 def command_group(help_: str, **settings: Any) -> typer.Typer:
-    """A group of commands, which is added to another one under its name."""
+    """Make a group of commands, to be added to another group under its name."""
     return typer.Typer(cls=SuggestingGroup, help=help_, no_args_is_help=True, **settings)
 
 
@@ -243,11 +243,11 @@ _WHOLE = 1000
 
 
 class SuggestingGroup(TyperGroup):
-    """Proposes commands in place of an unknown one: its own, and those of groups within it."""
+    """Suggests commands instead of an unknown one: its own, and those of groups within it."""
 
     @property
     def panels(self) -> dict[str, Any]:
-        """The names of commands by their heading in the help."""
+        """The commands by their heading in the help."""
         return {"Commands": self.commands}
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
@@ -263,7 +263,7 @@ class SuggestingGroup(TyperGroup):
         return text
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """The command that ``args`` begin with; a usage error, with proposals, if there is none."""
+        """Find the command that ``args`` begin with; fail with suggestions if there is none."""
         if args[0] not in self.list_commands(ctx) and not args[0].startswith("-"):
             known = dict.fromkeys(self.list_commands(ctx), "") | dict(_commands(self))
             meant = meant_by(args[0], known)
@@ -273,10 +273,10 @@ class SuggestingGroup(TyperGroup):
 
 
 def meant_by(word: str, commands: dict[str, str]) -> list[str]:
-    """The ``commands``, with their help, that ``word`` may have meant; the most likely first.
+    """Guess which of ``commands`` (with their help) ``word`` may mean; the most likely first.
 
-    These are the commands called so, or ``word-...``; else those with a similar name; else those
-    whose help has the word.
+    These are the commands with that name, or ``word-...``; else those with a similar name; else
+    those whose help contains the word.
 
     >>> meant_by("maps", {"list maps": "List the maps.", "map": "Show maps."})
     ['list maps']
@@ -305,15 +305,15 @@ def _commands(group: Any, path: str = "") -> Iterator[tuple[str, str]]:
 
 
 def own_map(name: str) -> Path:
-    """The file of the project's own map of that name; it need not exist."""
+    """The path of the project's own map of that name; the file need not exist."""
     return (project_folder() or Path()) / "maps" / f"{name}.yaml"
 
 
 def map_file(name: str, option: str, force: bool) -> Path:
-    """The map file to write of that name or path: a bare name is in the project's ``maps``.
+    """Resolve the map file to write from a name or path: a bare name is in the project's ``maps``.
 
     Raises:
-        InputError: there is a file already and no ``force``, or the name is none of a map file.
+        InputError: the file exists and ``force`` is not set, or is not named as a map.
 
     """
     file = Path(name)

@@ -1,7 +1,7 @@
-"""Output of the commands: JSON and tables; streams that fail give no traceback.
+"""Output of the commands: JSON and tables; if a stream fails, there is no traceback.
 
 ``navfw list worlds > /dev/full`` ends with a message and exit code 1, ``navfw list worlds | head
--0`` with exit code 1, and with a closed standard output everything runs without it.
+-0`` with exit code 1; with a closed standard output everything runs without it.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ ItemT = TypeVar("ItemT")
 def echo(text: str, *, err: bool = False, nl: bool = True) -> None:
     """Print a text, made ``printable``, on stdout or stderr; with a line feed if ``nl``.
 
-    On a terminal, lines that are too long for it continue below their text.
+    On a terminal, the rest of a line that is too long is indented below its text.
     """
     text = printable(text, cut=True)
     if (sys.stderr if err else sys.stdout).isatty():
@@ -45,7 +45,7 @@ def echo(text: str, *, err: bool = False, nl: bool = True) -> None:
 
 @contextlib.contextmanager
 def above(screen: Any) -> Iterator[None]:
-    """Print what is written to the terminal inside the block above what ``screen`` shows live."""
+    """Inside the context, print terminal output above what ``screen`` shows live."""
     _live.append(screen)
     try:
         yield
@@ -64,7 +64,7 @@ def _write(text: str, *, err: bool = False, nl: bool = True) -> None:
 
 
 def wrapped(line: str, width: int) -> str:
-    """The line in lines of at most ``width`` characters, indented as its text; words stay whole.
+    """Wrap a line at ``width`` characters, indented below its text; words stay whole.
 
     >>> print(wrapped("  speed      12.0 x real time", 24))
       speed      12.0 x real
@@ -85,7 +85,7 @@ def wrapped(line: str, width: int) -> str:
 
 
 def print_assumed(assumed: Iterable[Assumption]) -> None:
-    """Print what is assumed on stderr, a line for each."""
+    """Print assumptions on stderr, one line for each."""
     for assumption in assumed:
         echo(f"assumed: {assumption}", err=True)
 
@@ -96,7 +96,7 @@ def print_json(data: Mapping[str, Any] | Sequence[Mapping[str, Any]]) -> None:
 
 
 def print_result(data: Mapping[str, Any], lines: Iterable[str], *, json: bool) -> None:
-    """Print one object with ``json``, otherwise the ``lines``."""
+    """Print ``data`` as one JSON object with ``json``, otherwise the ``lines``."""
     if json:
         print_json(data)
     else:
@@ -104,9 +104,9 @@ def print_result(data: Mapping[str, Any], lines: Iterable[str], *, json: bool) -
 
 
 def print_json_list(items: Iterable[Mapping[str, Any]]) -> None:
-    """Print a list of objects on stdout, a line for each as soon as there is one.
+    """Print a JSON list of objects on stdout, each in a line as soon as it is there.
 
-    The list is closed as well when ``items`` raises: what was printed stays valid JSON.
+    If ``items`` raises, the list is closed nevertheless: what was printed is valid JSON.
     """
     opening = "["
     try:
@@ -122,7 +122,7 @@ def print_json_list(items: Iterable[Mapping[str, Any]]) -> None:
 
 
 def quietly(items: Iterable[ItemT]) -> Iterator[ItemT]:
-    """The ``items``; while each is made, stdout is redirected as by ``quiet_stdout``."""
+    """Yield ``items``; while each is made, stdout is redirected as by ``quiet_stdout``."""
     iterator = iter(items)
     while True:
         with quiet_stdout():
@@ -134,7 +134,7 @@ def quietly(items: Iterable[ItemT]) -> Iterator[ItemT]:
 
 @contextlib.contextmanager
 def quiet_stdout() -> Iterator[None]:
-    """Redirect stdout to stderr inside the block, for native libraries as well.
+    """Context that redirects stdout to stderr, for native libraries as well.
 
     Stdout is reserved for results, but some libraries print when imported, and plugins may print.
     """
@@ -151,7 +151,7 @@ def quiet_stdout() -> Iterator[None]:
 
 
 def console(*, stderr: bool = False) -> Any:
-    """A rich console on stdout, 160 columns wide where that is no terminal, or on stderr."""
+    """Make a rich console on stdout (160 columns wide if that is not a terminal) or on stderr."""
     from rich.console import Console
 
     stream = sys.stderr if stderr else sys.stdout
@@ -160,9 +160,9 @@ def console(*, stderr: bool = False) -> Any:
 
 
 def print_table(columns: Sequence[str], rows: Sequence[Sequence[object]], nothing: str) -> None:
-    """Print a table on stdout, or the text ``nothing`` when there are no rows.
+    """Print a table on stdout, or the text ``nothing`` if there are no rows.
 
-    Words stay whole. Where they leave no room for all columns, each row is a paragraph.
+    Words stay whole. If the columns do not fit the width, each row is printed as a paragraph.
     """
     from rich.box import SIMPLE_HEAD
     from rich.measure import Measurement
@@ -235,7 +235,7 @@ _OUTPUTS = (1, 2)
 
 @contextlib.contextmanager
 def standard_streams() -> Iterator[None]:
-    """Run the block with usable standard streams; exit with 1 if the output cannot be written."""
+    """Context with usable standard streams; exits with 1 if the output cannot be written."""
     _replace_closed()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -274,9 +274,9 @@ NOT_SAVED = 3
 
 
 def show_result(summary: Mapping[str, Any], missing: Sequence[str], as_json: bool) -> None:
-    """Print the result of a run on stdout, and on stderr what its folder lacks.
+    """Print the result of a run on stdout, and on stderr which files are missing.
 
-    The result of a run that was ended from outside has the first few keys only.
+    The result of a run that was ended from outside has only the first few keys.
     """
     if as_json:
         print_json(summary)
@@ -295,7 +295,7 @@ def show_result(summary: Mapping[str, Any], missing: Sequence[str], as_json: boo
 
 
 _LEFT = 3
-"""Number of regions left unexplored that are printed."""
+"""Number of unexplored regions that are printed."""
 
 
 def _explored_rows(explored: Mapping[str, Any] | None) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""Progress of long work on stderr: a bar on a terminal, otherwise a line now and then."""
+"""Progress of long work on stderr: a bar on a terminal, otherwise a line at intervals."""
 
 from __future__ import annotations
 
@@ -17,31 +17,31 @@ from navfw.process.interruption import deferred
 from navfw.process.printable_text import printable_data
 
 LINE_PERIOD = 10.0
-"""Interval between two lines where stderr is not a terminal [s]."""
+"""Interval between two lines if stderr is not a terminal [s]."""
 
 LINE_WIDTH = 200
 """Largest length of such a line of ``show_line`` [characters]."""
 
 REFRESH_PERIOD = 0.1
-"""Shortest interval between two pictures of the bar [s]: drawing it takes milliseconds."""
+"""Shortest interval between two drawings of the bar [s]: each takes milliseconds."""
 
 MOVES_PER_SECOND = 2.0
-"""Pictures of a moving bar between updates [1/s]: no second of its clock is left out."""
+"""Drawings of a moving bar between updates [1/s]: no second of its clock is left out."""
 
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print no progress.")]
 """The option ``--quiet`` of commands with long work."""
 
 
 class ProgressBar(contextlib.ExitStack):
-    """Shows ``update``, ``show_part`` or ``show_line``; nothing before, and nothing with ``quiet``.
+    """Shows progress on stderr from the first update on; a context manager.
 
-    ``work`` says what is done, ``unit`` what ``update`` counts. Rate and time left are means since
-    the first update; no time left is given before something is done. Where stdout is the same
-    terminal, what is printed there while the bar is shown appears above it. Elsewhere there is a
-    line every ``period`` [s].
+    ``work`` names the work, ``unit`` what ``update`` counts. Rate and time left are means since the
+    first update; no time left is shown before something is done. If stdout is the same terminal,
+    what is printed there meanwhile appears above the bar. Without a terminal, a line is printed
+    every ``period`` [s]. With ``quiet`` nothing is shown.
 
-    A ``moving`` bar shows the time elapsed between updates as well, drawn by a thread. It is for
-    work of other processes, which the drawing does not disturb.
+    A ``moving`` bar also shows the elapsed time between updates, drawn by a thread. It is for work
+    of other processes, which the drawing does not disturb.
     """
 
     def __init__(
@@ -67,10 +67,7 @@ class ProgressBar(contextlib.ExitStack):
         self._task: Any = None
 
     def update(self, done: int, total: int, now: str = "") -> None:
-        """Show that ``done`` of ``total`` are done; ``now`` names what is in progress.
-
-        A ``total`` of 0 is unknown.
-        """
+        """Show that ``done`` of ``total`` are done (0: unknown); ``now`` is in progress."""
         if self._quiet:
             return
         clock = time.monotonic()
@@ -85,7 +82,7 @@ class ProgressBar(contextlib.ExitStack):
         self._show(clock, line, shown, last=done == total > 0)
 
     def show_part(self, part: str, done: int = 0, total: int = 0) -> None:
-        """``update`` of one part of work whose parts differ: each has its own rate and time left.
+        """Like ``update``, for one part of work whose parts differ in rate and time left.
 
         A part with a ``total`` of 0 has nothing to count.
         """
@@ -94,13 +91,13 @@ class ProgressBar(contextlib.ExitStack):
         self.update(done, total)
 
     def show_share(self, share: float, text: str) -> None:
-        """Show that a ``share`` of the work is done, and a text that says more."""
+        """Show that a ``share`` (0 to 1) of the work is done, with a ``text``."""
         if not self._quiet:
             shown = {"count": text, "completed": share, "total": 1.0}
             self._show(time.monotonic(), f"{self._work}: {text}", shown, last=share == 1.0)
 
     def show_line(self, text: str) -> None:
-        """Show a line of text instead of a bar; it is cut where there is no terminal."""
+        """Show a line of text instead of a bar; without a terminal it is cut."""
         if not self._quiet:
             self._show(time.monotonic(), text[:LINE_WIDTH], {"now": text}, last=False)
 
@@ -112,7 +109,7 @@ class ProgressBar(contextlib.ExitStack):
         return shutil.get_terminal_size().columns
 
     def note(self, text: str) -> None:
-        """Print a line that stays."""
+        """Print a line that is not overwritten."""
         echo(text, err=True)
 
     def _show(self, clock: float, line: str, shown: dict[str, Any], *, last: bool) -> None:

@@ -1,7 +1,7 @@
-"""``navfw replay``, ``explain`` and ``report``: what recorded runs did; and the option ``--video``.
+"""``navfw replay`` and ``navfw report`` of recorded runs and suites; and the option ``--video``.
 
-A report is one HTML file of a run, a suite or two, which needs no network. Two suites are compared
-run by run, in text as well.
+A report is one HTML file about a run or a suite that needs no network. Two suites are compared run
+by run, also as text.
 """
 
 from __future__ import annotations
@@ -38,16 +38,16 @@ if TYPE_CHECKING:
     from navfw.suite.suite_folder import SuiteFolder
 
 VIDEO = "--video"
-"""The option, for messages."""
+"""The name of the option, for messages."""
 
 
 _Goals = Annotated[
     list[str] | None,
-    typer.Option("--goal", help="Of a bag: a place of --map to drive to. May be repeated."),
+    typer.Option("--goal", help="For a bag: a place of --map to drive to. May be repeated."),
 ]
 _Start = Annotated[
     str | None,
-    typer.Option(metavar="X,Y,YAW", help="Of a bag: where it began on --map; without, unknown."),
+    typer.Option(metavar="X,Y,YAW", help="For a bag: start on --map [m, rad] [default: unknown]."),
 ]
 
 
@@ -65,12 +65,12 @@ _Overrides = Annotated[
 ]
 _Rules = Annotated[
     list[Path] | None,
-    typer.Option(help="File of rules in place of those of its name. May be repeated."),
+    typer.Option(help="File of rules that replaces the one of its name. May be repeated."),
 ]
 
 
 WhatChanged = tuple[list[str], str | None, list[Path]]
-"""Settings, another stack, and files of rules."""
+"""Settings, another stack (None: the run's), and files of rules."""
 
 
 def replay(
@@ -83,9 +83,7 @@ def replay(
     robot: Robot = None,
     map_name: Annotated[
         str | None,
-        typer.Option(
-            "--map", help="Of a bag: name or file of a map; without, the way that was driven."
-        ),
+        typer.Option("--map", help="For a bag: name or file of a map [default: the path driven]."),
     ] = None,
     goal: _Goals = None,
     start: _Start = None,
@@ -96,10 +94,10 @@ def replay(
     imu_axes: ImuAxes = None,
     report: Annotated[
         bool,
-        typer.Option("--report", help="Of a changed stack: write its commands into the report."),
+        typer.Option("--report", help="With a changed stack: write its commands into the report."),
     ] = False,
     out: Annotated[
-        Path | None, typer.Option(help="Of a bag: run folder [default: runs/BAG-replay].")
+        Path | None, typer.Option(help="For a bag: run folder [default: runs/BAG-replay].")
     ] = None,
     video: Video = None,
     json: Json = False,
@@ -107,8 +105,8 @@ def replay(
 ) -> None:
     """Run the stack on recorded readings. Exit with 1 if the commands differ.
 
-    With --set, --stack or --rules: what a changed stack would have commanded. Of a bag, it says
-    what it would have commanded, and leaves a run folder.
+    With --set, --stack or --rules, print what a changed stack would have commanded. For a bag,
+    print what the stack would have commanded, and write a run folder.
     """
     if video is not None:
         from navfw.recording.video_output import check_video
@@ -171,7 +169,7 @@ def _replay_run(folder: Path, video: Path | None, *, json: bool) -> None:
 
 
 def write_video(folder: Path, target: Path, *, quiet: bool) -> None:
-    """Write the recording in a run folder as a video, and say where on stderr.
+    """Write the recording in a run folder as a video, and print its path on stderr.
 
     Raises:
         InputError: the recording is damaged, or the video cannot be written.
@@ -186,7 +184,7 @@ def write_video(folder: Path, target: Path, *, quiet: bool) -> None:
 
 
 def chase_of(folder: Path, size: tuple[int, int] = (480, 270), fine: int = 1) -> Any:
-    """What draws the run in a folder from behind; None without the simulator or its world."""
+    """A function that draws the run in a folder from behind; None without simulator or world."""
     result = read_result(folder)
     try:
         from navfw.robot import RobotModel
@@ -201,7 +199,7 @@ def chase_of(folder: Path, size: tuple[int, int] = (480, 270), fine: int = 1) ->
 
 
 Variants = tuple[str | None, str | None]
-"""The variants of A and B to compare; None for all."""
+"""The variants of A and B to compare; None: all of them."""
 
 MAX_SHOWN = 25
 """Largest number of runs to print of each kind; ``--json`` has all."""
@@ -241,8 +239,8 @@ def report(
 ) -> None:
     """Write a report of a run or of a suite, or compare two suites.
 
-    A report is one HTML file. Two suites are compared run by run; the comparison is printed, too,
-    the worst regressions first. Recorded runs of a suite get reports of their own, if they have
+    A report is one HTML file. Two suites are compared run by run; the comparison is also printed,
+    the worst regressions first. Recorded runs of a suite get their own reports, if they have
     none yet.
     """
     variants = (variant_a, variant_b)

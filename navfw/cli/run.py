@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from navfw.signals import Waypoint
 
 LINE_PERIOD = 5.0
-"""Interval between progress lines where stderr is not a terminal [s]."""
+"""Interval between progress lines if stderr is not a terminal [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ class RunOptions:
         typer.Option(
             "--map",
             metavar="NAME",
-            help="Of --goal: name or file of another map, such as one of --explore [default: that"
+            help="With --goal: name or file of another map, such as one of --explore [default: that"
             " of the first mission].",
             autocompletion=options.completer_of("map"),
         ),
@@ -72,7 +72,7 @@ class RunOptions:
         str | None,
         typer.Option(
             metavar="NAME",
-            help="Of an exploration: map to write, as maps/NAME.yaml or a .yaml file.",
+            help="For an exploration: map to write, as maps/NAME.yaml or a .yaml file.",
         ),
     ] = None
     keep_map: Annotated[
@@ -100,7 +100,7 @@ class RunOptions:
     xacro_arg: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="NAME:=VALUE", help="Of a xacro file as --robot: an argument. Repeatable."
+            metavar="NAME:=VALUE", help="For a xacro file as --robot: an argument. Repeatable."
         ),
     ] = None
     set_: Annotated[
@@ -119,30 +119,30 @@ class RunOptions:
     record: options.Record = False
     live: Annotated[
         bool,
-        typer.Option("--live", help="Serve the run as a page to this machine alone."),
+        typer.Option("--live", help="Serve the run as a page, only to this machine."),
     ] = False
-    port: Annotated[
-        int, typer.Option(min=0, max=65535, help="Port of --live; 0 takes a free one.")
-    ] = 8765
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port of --live; 0: a free one.")] = (
+        8765
+    )
     origin: Annotated[
         list[str] | None,
         typer.Option(
             "--origin",
             metavar="ORIGIN",
-            help="Of --live: an origin whose pages may read, such as https://app.foxglove.dev, if"
+            help="With --live: an origin whose pages may read, such as https://app.foxglove.dev, if"
             " they have the address. May be repeated.",
         ),
     ] = None
     speed: Annotated[
         float | None,
-        typer.Option("--speed", help="Of --live: 1 is real time, at most [default: no limit]."),
+        typer.Option("--speed", help="With --live: top speed; 1 is real time [default: no limit]."),
     ] = None
     wait: Annotated[
-        bool, typer.Option("--wait", help="Of --live: begin with the first viewer.")
+        bool, typer.Option("--wait", help="With --live: begin with the first viewer.")
     ] = False
-    stay: Annotated[bool, typer.Option("--stay", help="Of --live: serve the end until Ctrl-C.")] = (
-        False
-    )
+    stay: Annotated[
+        bool, typer.Option("--stay", help="With --live: serve the end until Ctrl-C.")
+    ] = False
     video: options.Video = None
     limit: Annotated[
         float,
@@ -306,7 +306,7 @@ def _prepared(request: RunOptions, mission: str | Destination | None) -> Session
 
 
 def show_tick(bar: ProgressBar, goal: Waypoint, began: float, tick: TickView) -> None:
-    """Show where a run is that ``began`` [s, monotonic], and how fast it goes."""
+    """Show the progress of a run that ``began`` [s, monotonic], and its speed, in ``bar``."""
     speed = tick.time / max(time.monotonic() - began, 1e-9)
     bar.show_line(_line(tick, goal, speed, bar.width))
 

@@ -1,4 +1,4 @@
-"""``navfw suite`` runs missions with many seeds into one table."""
+"""``navfw suite``: runs missions with many seeds and collects the results in one table."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ if TYPE_CHECKING:
     from navfw.suite.suite_run import SuiteResult
 
 MAX_SHOWN = 25
-"""Largest number of failed runs to print; the table holds all."""
+"""Largest number of failed runs to print; the table has all."""
 
 
 Keep = Literal["all", "failed", "none"]
-"""The runs of which the picture of the trajectory is kept."""
+"""The runs whose pictures, or recordings, are kept."""
 Seeds = Annotated[str, typer.Option(metavar="A:B", help="Seeds from A to B - 1.")]
 _SuiteOut = Annotated[
     Path | None, typer.Option(help="Folder for the table [default: runs/SUITE-A-B].")
@@ -58,13 +58,11 @@ Worlds = Annotated[
 Variants = Annotated[
     list[str] | None, typer.Option(help="Run only this variant of the suite. May be repeated.")
 ]
-_KeepPictures = Annotated[
-    Keep, typer.Option(help="Runs of which to keep the trajectory's picture.")
-]
+_KeepPictures = Annotated[Keep, typer.Option(help="Runs whose trajectory picture is kept.")]
 Recorded = Annotated[
-    Keep, typer.Option("--record", help="Runs of which to keep the recording, for a report.")
+    Keep, typer.Option("--record", help="Runs whose recording is kept, for a report.")
 ]
-"""Not for Dask: recordings stay where the run was driven."""
+"""Not with Dask: recordings stay where the run was driven."""
 _Extend = Annotated[
     bool,
     typer.Option("--extend", help="Continue a suite that was changed; keep runs still valid."),
@@ -77,7 +75,7 @@ _Power = Annotated[
     str | None,
     typer.Option(
         metavar="PERCENT",
-        help="Run nothing: how many seeds show this difference of success; by the runs in --out.",
+        help="Run nothing: how many seeds show this difference of success, given runs in --out.",
     ),
 ]
 

@@ -1,9 +1,9 @@
-"""Supervision of ``navfw run``: a child process drives, its parent waits and has the last word.
+"""Supervision of ``navfw run``: a child process drives, its parent waits for it.
 
-The child is forked before anything large is imported, and does all of the work, printing included.
-Where it ends without a result, because it crashed, was killed, or hung beyond any signal, the
-parent writes and prints one in its place: the outcome is a fault, and the reason names the plugin
-that was being called.
+The child is forked before anything large is imported, and does all of the work, including printing.
+If it ends without a result, because it crashed, was killed, or hung beyond any signal, the parent
+writes and prints one instead: the outcome is a fault, and the reason names the plugin that was
+being called.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ from navfw.process.last_trace import keep_trace, last_call
 from navfw.recording.run_folder import RESULT, RunFolder
 
 PATIENCE = 10
-"""Wall time [s] for a run to end by itself after a signal, or beyond its wall-clock limit."""
+"""Wall time [s] that a run has to end by itself after a signal, or beyond its time limit."""
 
 _PR_SET_PDEATHSIG = 1
-"""``prctl``: the signal to get when the parent dies."""
+"""Option of ``prctl``: the signal to receive when the parent dies."""
 
 _pipe = -1
 """Descriptor of the pipe to the parent, in the child."""
 
 
 def supervise(command: Callable[[], object]) -> int:
-    """Call ``command`` in a child process; its exit code, or 1 if it ended without a result."""
+    """Call ``command`` in a child process; return its exit code, or 1 if it has no result."""
     if sys.platform != "linux" or not hasattr(os, "fork"):
         command()
         return 0
@@ -58,7 +58,7 @@ def supervise(command: Callable[[], object]) -> int:
 
 
 def announce(**message: Any) -> None:
-    """Report to the parent how far the run is: ``run``, what is to be known of it; ``driven``."""
+    """Report to the parent process how far the run is: ``run`` describes it; or ``driven``."""
     if _pipe >= 0:
         with suppress(OSError):  # the parent has died
             os.write(_pipe, json.dumps(message).encode() + b"\n")

@@ -1,4 +1,4 @@
-"""``navfw map teach``: a map out of recorded drives; ``navfw map name``: names for its places."""
+"""``navfw map teach`` makes a map from recorded drives; ``navfw map name`` names its places."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def teach(
     ] = None,
     robot: Annotated[
         str | None,
-        typer.Option(help="Of bags and folders: name or file of the robot.", metavar="ROBOT"),
+        typer.Option(help="For bags and folders: name or file of the robot.", metavar="ROBOT"),
     ] = None,
     topic: Topic = None,
     imu_axes: ImuAxes = None,
@@ -68,7 +68,7 @@ def teach(
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Make a map of recorded drives; NAME-2 and so on of those that do not certainly overlap."""
+    """Make a map from recorded drives; those that do not certainly overlap get NAME-2, ..."""
     from navfw.recording.teaching import teach as taught
     from navfw.topomap.map_formats import save_map
 

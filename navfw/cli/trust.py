@@ -50,7 +50,7 @@ def trust(
 
 
 def accept_trust(app: typer.Typer) -> None:
-    """Give every command of ``app``, but ``trust``, the option ``--trust``."""
+    """Add the option ``--trust`` to every command of ``app`` except ``trust``."""
     for group in app.registered_groups:
         if group.typer_instance is not None:
             accept_trust(group.typer_instance)
@@ -61,7 +61,7 @@ def accept_trust(app: typer.Typer) -> None:
 
 @functools.cache
 def ask_on_terminal(code: ProjectCode) -> bool:
-    """Whether the user agrees to execute ``code``; asked once, and only on a terminal."""
+    """Ask once, on a terminal, whether to execute ``code``; False without a terminal."""
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
         return False
     files = "".join(f"  {name}\n" for name in code.names())

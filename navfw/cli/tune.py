@@ -1,4 +1,4 @@
-"""``navfw tune``: search better parameters of a stack on a suite, and validate them."""
+"""``navfw tune``: searches better parameters of a stack on a suite, and validates them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from optuna.trial import FrozenTrial
 
 
-_Trials = Annotated[int, typer.Option(min=1, max=100_000, help="Number of trials in all.")]
+_Trials = Annotated[int, typer.Option(min=1, max=100_000, help="Total number of trials.")]
 Training = Annotated[str, typer.Option(metavar="A:B", help="Training seeds from A to B - 1.")]
 Validation = Annotated[
     str, typer.Option(metavar="A:B", help="Validation seeds; none of them for training.")

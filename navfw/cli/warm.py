@@ -1,4 +1,4 @@
-"""``navfw warm``: compile navfw's kernels ahead of need, for images of machines and CI caches."""
+"""``navfw warm``: compiles navfw's kernels before they are needed, for images and CI caches."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from navfw.cli.progress_bar import ProgressBar, Quiet
 
 
 def warm(quiet: Quiet = False) -> None:
-    """Compile what the first runs would compile, on all cores."""
+    """Compile the routines that the first runs need, on all cores."""
     compiled = compile_with_progress(quiet=quiet)
     echo(f"{compiled} routines compiled" if compiled else "all routines are compiled")
 
 
 def compile_with_progress(*, loaded: bool = False, quiet: bool = False) -> int:
-    """Compile what is missing, with ``loaded`` for imported modules only; returns the number.
+    """Compile missing kernels (``loaded``: of imported modules only); return their number.
 
-    The bar appears only when something is compiled.
+    The bar appears only if something is compiled.
     """
     from navfw.process.kernel_compilation import COMPILING, Compiled, compile_kernels
 

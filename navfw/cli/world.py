@@ -1,4 +1,4 @@
-"""``navfw world``: generate worlds, import them, and show what is in them."""
+"""``navfw world``: generates worlds, imports them, and draws them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def add_to(app: typer.Typer) -> None:
-    """Add ``world`` with its commands."""
+    """Add the command ``world`` with its commands to ``app``."""
     group = command_group("Generate, import and show worlds.")
     group.command()(new)
     group.command("import")(import_)
