@@ -1,4 +1,4 @@
-"""Simulator: worlds, physics, rendering and sensor models; the only package that uses PyBullet.
+"""The simulator: worlds, physics, rendering and sensor models; only this package uses PyBullet.
 
 ``worldspec`` specifies a world, ``world_check`` checks it, ``worldfile`` loads it. ``Simulation``
 runs a robot in a world; ``SceneGeometry`` is the world's true geometry in the plane. Names are

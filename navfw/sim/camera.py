@@ -1,4 +1,4 @@
-"""Model of the robot's camera: rendering, an exact pinhole projection, image noise."""
+"""The simulated camera: rendering with an exact pinhole projection, and image noise."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ Place = tuple[float, float, float]
 Turn = tuple[float, float, float, float]
 
 _NOISE_BANK = 1 << 20
-"""Size of the noise drawn once [bytes]; every frame uses a random section of it."""
+"""Size of the noise that is drawn once [bytes]; every frame uses a random section of it."""
 _KEPT_BANKS = 4
-"""Number of runs' banks kept, 2 MB each: another run with the same seed has the same."""
+"""Number of noise banks kept, 2 MB each: runs with the same seed share one."""
 _known_banks: dict[str, tuple[tuple[Image, Image], Any]] = {}
 _MAX_VIEW = 2.8
-"""Limit of the horizontal field of view with a fault [rad]: a pinhole image ends at pi."""
+"""Largest horizontal field of view with a fault [rad]: a pinhole image ends at pi."""
 _RIGHT_UP_BACK = np.array([[1.0], [-1.0], [-1.0]])
 """Signs of OpenGL's camera axes (right, up, back) relative to right, down, ahead."""
 
@@ -58,7 +58,7 @@ def _projection_matrix(camera: CameraModel, supersample: int = 1) -> Array:
 
 
 class Camera:
-    """Renders images and depth from a pose of ``base_link``.
+    """Renders images and depth for a pose of ``base_link``.
 
     ``supersample`` 2 renders at twice the size and averages, against aliasing, at four times the
     cost. ``noise`` is the standard deviation [grey levels] of the image noise.
@@ -84,7 +84,7 @@ class Camera:
         self.set_optics()
 
     def set_optics(self, light: float = 1.0, hfov_error: float = 0.0) -> None:
-        """Set the share of the light, and the relative error of the field of view."""
+        """Set the remaining share of the light, and the relative error of the field of view."""
         spec = self._light_spec
         direction = (0.0, 0.0, 1.0) if spec.soft else spec.direction
         length = math.sqrt(sum_in_order(d * d for d in direction))
@@ -98,9 +98,9 @@ class Camera:
         self._half_size = right / true.focal, down / true.focal
 
     def render(self, position: Place, turn: Turn) -> tuple[Image, npt.NDArray[np.float32]]:
-        """Luminance (height, width) without noise, and the raw depth that ``depth`` converts.
+        """Render luminance (height, width) without noise, and raw depth for ``depth`` to convert.
 
-        ``position`` [m] and ``turn`` (quaternion x, y, z, w) are those of base_link in the map.
+        ``position`` [m] and ``turn`` (quaternion x, y, z, w) are the pose of base_link in ``map``.
         """
         rgb, depth = self._scenery.raster.draw(self.request(position, turn))
         grey = cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY)
@@ -111,22 +111,22 @@ class Camera:
         return grey.astype(np.uint8, copy=False), depth
 
     def raw_depth(self, position: Place, turn: Turn) -> npt.NDArray[np.float32]:
-        """The raw depth of ``render``, without its image."""
+        """Render only the raw depth of ``render``."""
         return self._scenery.raster.depth(self.request(position, turn))
 
     def request(self, position: Place, turn: Turn) -> RenderRequest:
-        """The render request for a pose; updates which parts of the scenery are drawn."""
+        """Make the render request for a pose, and select the parts of the scenery in view."""
         return self.request_at(*self.camera_pose(position, turn))
 
     def request_at(self, eye: Array, axes: Array) -> RenderRequest:
-        """The request for a camera at ``eye`` (3,) [m] with ``axes`` as of ``camera_pose``."""
+        """Make the request for a camera at ``eye`` (3,) [m] with ``axes`` as of ``camera_pose``."""
         scale = self._supersample
         self._scenery.update_visible(eye, *field_of_view(axes, *self._half_size))
         size = (self.model.width * scale, self.model.height * scale)
         return RenderRequest(_view(eye, axes), self._projection, eye, size, self._light)
 
     def add_noise(self, clean: Image, gain: float = 1.0) -> Image:
-        """The image (height, width) with sensor noise, amplified by ``gain``."""
+        """Return the image (height, width) with sensor noise, amplified by ``gain``."""
         if self._banks is None:
             return clean
         if clean.size >= self._banks[0].size:  # an image of megapixels: the noise repeats
@@ -142,9 +142,9 @@ class Camera:
         return noisy.astype(np.uint8, copy=False)
 
     def depth(self, raw: npt.NDArray[np.float32]) -> DepthImage:
-        """Depth along the optical axis (height, width) [m]; inf where no surface is visible.
+        """Convert ``raw`` from ``render`` to depth along the optical axis (height, width) [m].
 
-        ``raw`` is from ``render``. A supersampled pixel has the least depth of its samples.
+        inf where no surface is visible. A supersampled pixel has the least depth of its samples.
         """
         buffer = depth_buffer(raw, self._projection)
         metres = FAR * NEAR / (FAR - (FAR - NEAR) * buffer.astype(np.float64))
@@ -156,7 +156,7 @@ class Camera:
         return metres.astype(np.float32)
 
     def camera_pose(self, position: Place, turn: Turn) -> tuple[Array, Array]:
-        """Position (3,) [m] and axes (3, 3; columns: right, down, ahead) in the map."""
+        """Camera position (3,) [m] and axes (3, 3; columns: right, down, ahead) in ``map``."""
         rotation = quaternion_matrix(*turn)
         eye: Array = position + product(rotation, self._mount)
         return eye, product(rotation, self._base_from_camera)

@@ -1,12 +1,12 @@
-"""The robot's cameras, with what a real camera does to images, and their faults.
+"""The robot's cameras, with the effects that a real camera has on images, and their faults.
 
 Main view, side views and the finer landmark view; shutter and motion blur, lens, exposure control,
-JPEG. The main view is distorted as the robot's calibration says, the others never are. A frame
-delivered at time t has its last row exposed until t and its first row until t minus the readout
-time, as cameras give frames that are stamped on arrival. The scene is rendered from several poses
-of that time, and each row is a mean of those within its exposure, so that near and far surfaces
-move differently and edges cover what they hide. Walkers are drawn where they are at t: the blur is
-that of the robot's own motion.
+JPEG. Only the main view is distorted, as the robot's calibration says. A frame delivered at time t
+has its last row exposed until t and its first row until t minus the readout time, as cameras do
+whose frames are stamped on arrival. The scene is rendered from several poses of that time, and each
+row is a mean of those within its exposure, so that near and far surfaces move differently and edges
+cover what they hide. Walkers are drawn where they are at t: blur comes only from the robot's own
+motion.
 """
 
 from __future__ import annotations
@@ -37,15 +37,15 @@ from navfw.sim.worldspec import LightSpec
 _MIN_EXPOSURE = 1.0 / 256.0
 """Shortest exposure that the control sets, as a share of the longest one."""
 _DARKEST = 0.5
-"""Mean grey value below which an image counts as black."""
+"""Mean grey value below which the exposure control treats an image as black."""
 
 
 class ImageSensor:
-    """The state of the exposure, and what lens and sensor do to images; without effects nothing.
+    """The exposure control, and the effects of lens and sensor on images; no effects by default.
 
     Grey values are proportional to the light. The control's ``level`` is the amount of light
     relative to the longest exposure: below 1 the exposure is shorter, above 1 it is amplified. At
-    the first frame the control has settled, since the camera was on before.
+    the first frame the control has settled already, as if the camera had been on before.
     """
 
     def __init__(self, effects: CameraEffects) -> None:
@@ -56,7 +56,7 @@ class ImageSensor:
 
     @property
     def exposure_time(self) -> float:
-        """For how long [s] every row of the next image is exposed."""
+        """Time [s] for which every row of the next image is exposed."""
         return self._effects.exposure_time * min(1.0, self._level)
 
     @property
@@ -65,21 +65,21 @@ class ImageSensor:
         return max(1.0, self._level)
 
     def settle(self, clean: Image, falloff: Array | None) -> None:
-        """Set the exposure for the scene of the first image ``clean`` (height, width)."""
+        """Set the exposure for the scene of the first image ``clean`` (height, width), once."""
         if self._control is None or self._metered is not None:
             return
         light = clean.astype(np.float32) if falloff is None else clean * falloff
         self._set(self._control.target / max(float(light.mean()), _DARKEST))
 
     def expose(self, clean: Image, falloff: Array | None) -> Image:
-        """The image (height, width) of the light ``clean``; ``falloff`` is that of the lens."""
+        """Expose the light ``clean`` to an image (height, width); ``falloff`` is the lens's."""
         if falloff is None and self._level == 1.0:
             return clean
         light = self._level * (clean if falloff is None else clean * falloff)
         return np.rint(np.minimum(light, 255.0)).astype(np.uint8)
 
     def meter(self, image: Image, time: float) -> None:
-        """Adjust the exposure to the image (height, width) delivered at ``time`` [s]."""
+        """Adjust the next exposure to the image (height, width) delivered at ``time`` [s]."""
         if self._control is not None and self._metered is not None:
             follow = 1.0 - math.exp(-(time - self._metered) / self._control.time)
             mean = max(float(image.mean()), _DARKEST)
@@ -91,7 +91,7 @@ class ImageSensor:
         self._level = min(max(level, _MIN_EXPOSURE), most)
 
     def compress(self, image: Image) -> Image:
-        """The image (height, width) after JPEG compression and decompression."""
+        """Return the image (height, width) after JPEG compression and decompression."""
         quality = self._effects.jpeg_quality
         if quality is None:
             return image
@@ -103,11 +103,11 @@ class ImageSensor:
 def light_falloff(
     share: float, lens: Sequence[CameraModel], views: Sequence[CameraModel]
 ) -> Array | None:
-    """Light that reaches each pixel of ``views`` side by side (height, sum of widths), 0 to 1.
+    """Share of light, 0 to 1, at each pixel of ``views`` side by side (height, sum of widths).
 
-    1 - ``share`` (a / a_max)^2 at the angle a from the optical axis; a_max is that of the farthest
-    corner of ``lens``, the images through it, whose first one is about the optical axis. None if
-    nothing is lost.
+    It is 1 - ``share`` (a / a_max)^2 at the angle a from the optical axis; a_max is the angle of
+    the farthest corner of the images ``lens``, the first of which is about the optical axis. None
+    if ``share`` is 0.
     """
     if share == 0.0:
         return None
@@ -128,19 +128,19 @@ def _angles(view: CameraModel, axis: Array) -> Array:
 
 
 _MAX_POSES = 16
-"""Limit of the number of poses rendered for one image."""
+"""Largest number of poses rendered for one image."""
 _NEAR = 0.5
-"""Distance of near surfaces [m]: their motion in the image decides the number of poses."""
+"""Distance of near surfaces [m], whose motion in the image decides the number of poses."""
 _NEGLIGIBLE = 0.1
 """Motion in the image [px] below which one pose is enough."""
 _SAMPLES = 16
-"""Number of moments of a row's exposure whose mean it is."""
+"""Number of moments within a row's exposure over which it is averaged."""
 
 
 class Shutter:
     """Renders images over the times at which ``effects`` expose their rows.
 
-    ``record`` has to be called at every control tick, with the true state of the body.
+    Call ``record`` at every control tick with the true state of the body.
     """
 
     def __init__(self, effects: CameraEffects) -> None:
@@ -149,7 +149,7 @@ class Shutter:
         self._states: deque[tuple[float, BodyState]] = deque()
 
     def record(self, time: float, body: BodyState) -> None:
-        """Keep the true state ``body`` at ``time`` [s]; times ascend."""
+        """Keep the true state ``body`` at ``time`` [s]; times must ascend."""
         if self._span == 0.0:
             return
         self._states.append((time, body))
@@ -159,7 +159,7 @@ class Shutter:
     def render(
         self, camera: Camera, time: float, body: BodyState, exposure: float
     ) -> tuple[Image, DepthImage]:
-        """Luminance (height, width) without noise, and the raw depth at ``time`` [s].
+        """Render luminance (height, width) without noise, and raw depth, delivered at ``time`` [s].
 
         Every row is exposed for ``exposure`` [s]; ``body`` is the state at ``time``.
         """
@@ -190,7 +190,7 @@ class Shutter:
 
 
 def image_motion(camera: Camera, first: BodyState, second: BodyState) -> float:
-    """How far [px] a near surface at the image's edge moves at most between two states."""
+    """Largest motion [px] of a near surface at the image's edge between two states."""
     way = math.dist(first[0], second[0])
     opposite = (-x for x in second[1])  # the same turn as ``second``
     apart = min(math.dist(first[1], second[1]), math.dist(first[1], tuple(opposite)))
@@ -200,10 +200,10 @@ def image_motion(camera: Camera, first: BodyState, second: BodyState) -> float:
 
 
 def row_weights(rows: int, poses: int, exposed: float) -> Array:
-    """(rows, poses) weights of the images from ``poses`` moments, evenly spaced over the shutter.
+    """Weights (rows, poses) of the images from ``poses`` moments, evenly spaced over the shutter.
 
-    ``exposed`` is the share of that time for which each row is exposed; the first row's exposure
-    begins with it, the last row's ends with it. Between two moments the images are interpolated.
+    The shutter begins with the first row's exposure and ends with the last row's; ``exposed`` is
+    the share of it for which each row is exposed. Between two moments images are interpolated.
 
     >>> row_weights(2, 2, 0.0).tolist()
     [[1.0, 0.0], [0.0, 1.0]]
@@ -228,12 +228,12 @@ def _between(first: BodyState, second: BodyState, share: float) -> BodyState:
 
 _COARSE = 4  # pixels of an image to one of the true depth where no image is drawn
 _KEPT_STATES = 64
-"""Number of past frames whose true body state is kept."""
+"""Number of past frames whose true body states are kept."""
 
 
 @dataclass(slots=True)
 class Timings:
-    """Wall time [s] spent on rendering, physics, sensors and landmark frames; their counts."""
+    """Wall time [s] of rendering, physics, sensors, landmark frames; numbers of frames, steps."""
 
     render: float = 0.0
     physics: float = 0.0
@@ -246,9 +246,9 @@ class Timings:
 class CameraRig:
     """Captures frames with side views at the camera's rate, landmark frames at their own rate.
 
-    Landmark frames have noise and faults of their own: more draws from one generator do not change
-    the draws from another. Without ``landmark_rng`` none are captured. If not ``drawn``, images
-    are noise that shows nothing, and true depth has a ``_COARSE``-th of the image's size.
+    Landmark frames have their own noise and faults, so that they do not change the draws for main
+    frames. Without ``landmark_rng`` none are captured. If not ``drawn``, images are noise without
+    content, and true depth has a ``_COARSE``-th of the image's size.
     """
 
     def __init__(
@@ -309,7 +309,7 @@ class CameraRig:
         self._shutter.record(time, body)
 
     def capture(self, time: float, body: BodyState) -> Frame:
-        """The frame of ``time`` [s] at the true state ``body``."""
+        """Capture the frame of ``time`` [s] at the true state ``body``."""
         begun = wall.perf_counter()
         self._captured.append((time, body))
         parts = self._scene(time, body) if self._noise is None else self._blind(self._noise)
@@ -344,9 +344,9 @@ class CameraRig:
         return [noise[first : first + height], *sides]
 
     def capture_landmarks(self, time: float, body: BodyState | None) -> Frame | None:
-        """The landmark frame delivered at ``time`` [s], if any.
+        """Return the landmark frame delivered at ``time`` [s]; None if there is none.
 
-        It is captured together with a main frame; ``body`` is None when there is none.
+        It is captured together with a main frame; otherwise ``body`` is None.
         """
         camera = self._for_landmarks
         if camera is None:

@@ -1,6 +1,6 @@
-"""The robot in its world from behind and above, in colour: a view for people, never for the stack.
+"""A colour view of the robot from behind and above, for people, never for the stack.
 
-It has a scenery of its own, without what events add or close while the robot drives.
+It has its own scenery, without objects and doors that events change while the robot drives.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from navfw.sim.solids import Solid, solids_of
 from navfw.sim.worldspec import TextureSpec, WorldSpec
 
 _BEHIND, _HEIGHT, _MIN_BEHIND = 1.7, 1.35, 0.5
-"""Place of the camera behind the robot and above the floor, and how near walls may push it [m]."""
+"""Distances [m] of the camera behind the robot, above the floor, and behind it at least."""
 _AHEAD = 1.5
-"""Distance [m] ahead of the robot of the point of the floor in the middle of the picture."""
+"""Distance [m] ahead of the robot of the floor point in the middle of the picture."""
 _FROM_WALL, _HFOV = 0.15, 1.25
-"""Distance [m] of the camera from walls behind it; its horizontal field of view [rad]."""
+"""Smallest distance [m] of the camera from walls; its horizontal field of view [rad]."""
 _PAINTS = {
     "robot-body": TextureSpec(contrast=0.0, brightness=150.0, colour=(1.0, 0.62, 0.1)),
     "robot-parts": TextureSpec(contrast=0.0, brightness=45.0),
@@ -34,9 +34,9 @@ _PAINTS = {
 
 
 class ChaseView:
-    """Draws ``robot`` in ``world`` in pictures of ``size`` (width, height) [px].
+    """Draws ``robot`` in ``world`` as pictures of ``size`` (width, height) [px].
 
-    ``fine`` times as many pixels are drawn in both directions, and averaged.
+    ``fine`` times as many pixels are rendered in both directions, and averaged.
     """
 
     def __init__(
@@ -56,9 +56,9 @@ class ChaseView:
         self._size = size
 
     def draw(self, pose: Pose, movers: Sequence[tuple[float, float, float]] = ()) -> Image:
-        """The picture (height, width, 3), blue, green, red, of the robot at ``pose``.
+        """Draw the picture (height, width, 3), BGR, of the robot at ``pose`` in ``map``.
 
-        ``movers`` are the discs x, y, radius [m] of the world's moving obstacles, in their order.
+        ``movers`` are the discs x, y, radius [m] of the world's movers, in their order.
         """
         turn = quaternion(pose.yaw)
         for body in self._robot:

@@ -1,7 +1,7 @@
-"""PyBullet: its clients, the window, and the display of a world's meshes.
+"""PyBullet's clients, its window, and the display of a world's meshes in it.
 
-It is imported without its banner: stdout is for results only. The window has a camera that follows
-the robot, and closes without an error.
+PyBullet is imported without its banner, as stdout is only for results. The window's camera follows
+the robot, and it closes without an error.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from navfw.sim.textured_mesh import TexturedMesh
 
 @contextmanager
 def quiet_output(into: str | Path = os.devnull) -> Iterator[None]:
-    """Discard what C code prints meanwhile, or write it to the file ``into``.
+    """Context that discards what C code prints, or writes it to the file ``into``.
 
-    Only redirecting the descriptors suppresses it.
+    Python's stdout cannot suppress it: file descriptors are redirected.
     """
     with Path(into).open("wb") as stream, redirected(stream.fileno(), 1, 2):
         try:
@@ -47,12 +47,12 @@ bullet: Any = pybullet
 
 
 def quaternion(yaw: float) -> tuple[float, float, float, float]:
-    """The quaternion (x, y, z, w) of a turn by ``yaw`` [rad] about the vertical."""
+    """Quaternion (x, y, z, w) of a turn by ``yaw`` [rad] about the vertical axis."""
     return 0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)
 
 
 class BulletClient:
-    """What uses one PyBullet client of the id ``client``."""
+    """Base of the classes that use the PyBullet client with the id ``client``."""
 
     def __init__(self, client: int) -> None:
         self._client = client
@@ -63,7 +63,7 @@ class BulletClient:
 
 
 class BulletConnection(BulletClient):
-    """A PyBullet client of its own, with a window if ``gui``: close it, or use it as a context.
+    """Opens a PyBullet client, with a window if ``gui``; close it, or use it as a context.
 
     Raises:
         SimulationError: PyBullet cannot be started.
@@ -103,7 +103,7 @@ class BulletConnection(BulletClient):
 # --- window and display -----------------------------------------------------------------------
 
 Point3 = tuple[float, float, float]
-"""x, y, z [m]."""
+"""A point x, y, z [m]."""
 
 _OFF = (
     "COV_ENABLE_GUI",
@@ -115,22 +115,22 @@ _OFF = (
     # a robot dragged by the mouse would drive otherwise
     "COV_ENABLE_MOUSE_PICKING",
 )
-"""What the window does not show or do: side panels without content, and shortcuts."""
+"""What the window does not show or do: empty side panels, shortcuts and picking."""
 _DISTANCE, _YAW, _PITCH = 5.0, -90.0, -60.0
-"""The first view of the robot: distance [m], and PyBullet's angles of the camera [deg]."""
+"""The first view of the robot: distance [m], and PyBullet's camera angles [deg]."""
 _WIDTH = 3.0
 """Width of lines [px]."""
 _BACKGROUND, _INK = [0.94, 0.94, 0.92], [0.1, 0.12, 0.16]
 _TEXT_NEAR = 0.7
-"""Where the text is on the way from the robot (0) to the camera (1)."""
+"""Position of the text on the line from the robot (0) to the camera (1)."""
 _FADED, _TALL = 0.2, 0.8
-"""Opacity of what hides the robot, and height [m] from which a body can."""
+"""Opacity of bodies that hide the robot, and height [m] above which a body can hide it."""
 _SIGHT = 60
-"""Number of points on the line from the robot to the camera at which bodies are looked for."""
+"""Number of points on the line from the robot to the camera that are tested against bodies."""
 
 
 def check_display() -> None:
-    """Check that a window can be opened: without a display PyBullet ends the process silently.
+    """Check that a window can be opened; without a display PyBullet would end the process silently.
 
     Raises:
         InputError: there is no display, or it cannot be opened.
@@ -173,7 +173,7 @@ class SimulatorWindow(BulletClient):
         self._configure("COV_ENABLE_RENDERING", 1)
 
     def follow(self, x: float, y: float) -> None:
-        """Move the camera along to (x, y) [m]; it keeps the distance and angles of the user."""
+        """Move the camera to (x, y) [m]; it keeps the distance and angles set by the user."""
         view = self._call("getDebugVisualizerCamera")
         forward, (yaw, pitch, distance, _) = np.array(view[5]), view[8:]
         self._call("resetDebugVisualizerCamera", distance, yaw, pitch, [x, y, 0.0])
@@ -182,12 +182,12 @@ class SimulatorWindow(BulletClient):
         self._text_at = (robot + _TEXT_NEAR * (eye - robot)).tolist()
 
     def say(self, text: str) -> None:
-        """Write a line beside the robot, in front of all else, in place of the last one."""
+        """Write a line beside the robot, in front of everything; it replaces the last one."""
         look = {"textColorRGB": _INK, "textSize": 1.1, "replaceItemUniqueId": self._said}
         self._said = int(self._call("addUserDebugText", f"      {text}", self._text_at, **look))
 
     def draw(self, name: str, points: Sequence[Point3], color: tuple[int, int, int]) -> None:
-        """Draw the line through ``points``, in place of the last one of this ``name``."""
+        """Draw a line through ``points``; it replaces the last one of this ``name``."""
         before = self._lines.get(name, [])
         now = []
         for number, ends in enumerate(pairwise(points)):
@@ -198,7 +198,7 @@ class SimulatorWindow(BulletClient):
         self._lines[name] = now
 
     def extend(self, start: Point3, end: Point3, color: tuple[int, int, int]) -> None:
-        """Draw a line that stays."""
+        """Draw a permanent line from ``start`` to ``end``."""
         self._line(start, end, color, -1)
 
     def _line(self, start: Point3, end: Point3, color: tuple[int, int, int], replaced: int) -> int:
@@ -220,7 +220,7 @@ class Display(BulletClient):
         self._tall: dict[int, tuple[Array, Array]] = {}
 
     def add(self, mesh: TexturedMesh, image: Image) -> int:
-        """Add a body with a texture (height, width, 3), RGB; returns PyBullet's id of it."""
+        """Add a body with a texture (height, width, 3), RGB; return its PyBullet id."""
         visual = self._call(
             "createVisualShape",
             bullet.GEOM_MESH,
@@ -235,7 +235,7 @@ class Display(BulletClient):
         return body
 
     def place(self, body: int, position: Sequence[float], turn: Sequence[float]) -> None:
-        """Set a body's position [m] and orientation (x, y, z, w)."""
+        """Set a body's position [m] and orientation (x, y, z, w) in ``map``."""
         self._call("resetBasePositionAndOrientation", body, position, turn)
 
     def remove(self, body: int) -> None:
@@ -245,7 +245,7 @@ class Display(BulletClient):
         self._faded.discard(body)
 
     def fade(self, target: Array, eye: Array) -> None:
-        """Let what is tall and stands between two points (3,) [m] be seen through."""
+        """Make tall bodies between two points (3,) [m] translucent, and others opaque."""
         sight = np.linspace(target, eye, _SIGHT)
         faded = {
             body

@@ -122,7 +122,7 @@ class LightChange(StrictModel):
 
 
 class Textureless(StrictModel):
-    """Solids without texture: selected by name, or the parts of walls within an area."""
+    """Makes solids plain: those with a name, or the parts of walls within an area."""
 
     name: Annotated[str | None, Field(description="name of a wall, box or cylinder")] = None
     x: Annotated[Interval | None, Field(description="area: x from, to [m]")] = None
@@ -140,14 +140,14 @@ class Textureless(StrictModel):
 
 
 class DoorChange(StrictModel):
-    """A door of the world that opens or closes, as soon as the robot is clear of it."""
+    """Opens or closes a door of the world, as soon as the robot is clear of it."""
 
     name: Annotated[str, Field(description="name of a door of the world")]
     state: Literal["open", "closed"]
 
 
 class Obstacle(StrictModel):
-    """A box or a cylinder that appears, as soon as the robot is clear of its place.
+    """Adds a box or a cylinder, as soon as the robot is clear of its place.
 
     It needs floor under it: an obstacle ``ahead`` of the robot does not appear above a drop.
     """
@@ -179,7 +179,7 @@ class Obstacle(StrictModel):
         return self
 
     def footprint(self, x: float, y: float) -> Shape:
-        """Its outline in the plane with its centre at (x, y) [m]."""
+        """The obstacle's outline in the plane with its centre at (x, y) [m]."""
         if self.size is None:
             return Circle(x, y, self.radius or 0.0)
         return Rectangle(x, y, 0.5 * self.size[0], 0.5 * self.size[1], self.yaw)
@@ -206,9 +206,10 @@ ActionT = TypeVar("ActionT")
 
 
 class InjectedFaults:
-    """The active faults in the order in which they began; without any, nothing is changed.
+    """Applies the active faults, in the order in which they began.
 
-    Only faults draw from ``rng``: the noise of a run without faults does not depend on them.
+    It draws from ``rng`` only for faults, so that the noise of a run without faults does not
+    change.
     """
 
     def __init__(self, rng: np.random.Generator) -> None:
@@ -225,7 +226,7 @@ class InjectedFaults:
         self._active.append(fault)
 
     def end(self, fault: EventAction) -> None:
-        """Deactivate a fault; of two equal ones, one stays active."""
+        """Deactivate a fault; if two are equal, one stays active."""
         self._active.remove(fault)
 
     def _of(self, kind: type[ActionT]) -> list[ActionT]:
@@ -236,7 +237,7 @@ class InjectedFaults:
 
     @property
     def light(self) -> float:
-        """Remaining share of the light."""
+        """Remaining share of the light, 0 to 1."""
         return math.prod(fault.share for fault in self._of(LightChange))
 
     @property
@@ -247,7 +248,7 @@ class InjectedFaults:
     def apply_optics(self, clean: Image, scale: float = 1.0) -> Image:
         """Apply blur, over-exposure and darkness to an image (height, width).
 
-        ``scale`` is its resolution relative to that of the robot's camera.
+        ``scale`` is its focal length relative to that of the robot's camera.
         """
         image = clean
         for fault in self._of(CameraFault):
@@ -273,7 +274,7 @@ class InjectedFaults:
         return self._delivered
 
     def transport(self, time: float, frame: Frame | None) -> Frame | None:
-        """Apply lost frames and latency: the frame delivered at ``time`` [s], if any.
+        """Apply lost frames and latency: return the frame delivered at ``time`` [s], or None.
 
         ``frame`` is the one captured at that time, if any. A delayed frame keeps its time of
         capture. Frames are delivered in order.
@@ -309,7 +310,7 @@ class InjectedFaults:
         return self._inertial
 
     def apply_encoders(self, encoders: Encoders) -> Encoders:
-        """Apply dropouts to encoder counts; ticks during a dropout are lost for good.
+        """Apply dropouts to encoder counts; ticks during a dropout are lost permanently.
 
         >>> faults = InjectedFaults(np.random.default_rng(0))
         >>> dead = EncoderFault(dropout="left")
@@ -339,7 +340,7 @@ class InjectedFaults:
         return sum(fault.slip for fault in self._of(Slippery))
 
     def apply_wheels(self, left: float, right: float) -> tuple[float, float]:
-        """The wheel speeds [rad/s] reached for the commanded ``left`` and ``right``."""
+        """Return the reached wheel speeds [rad/s] for the commanded ``left`` and ``right``."""
         for fault in self._of(WeakWheel):
             left *= fault.share if fault.side == "left" else 1.0
             right *= fault.share if fault.side == "right" else 1.0

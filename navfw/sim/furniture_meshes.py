@@ -1,4 +1,4 @@
-"""Meshes of furniture by file, any mesh file or URDF, in metres and z up."""
+"""Loads the meshes of furniture from mesh files or URDFs, in metres and z up."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from navfw.robot.urdf_model import UrdfCollision, UrdfModel, attribute_numbers
 Up = Literal["y", "z"]
 
 _MIN_SIZE, _MAX_SIZE = 0.02, 50.0
-"""Bounds of the largest extent of a mesh [m]."""
+"""Smallest and largest allowed extent of a mesh along its longest axis [m]."""
 _Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
 """Turns the y axis up."""
 
 
 @cached_by_files(64)
 def furniture_mesh(file: str, scale: float, up: Up) -> TriangleMesh:
-    """The mesh in a file, or a URDF's collision shapes with all joints at zero, in metres, z up.
+    """Load a mesh file, or a URDF's collision shapes with all joints at zero, in metres, z up.
 
     Raises:
         ConfigError: the file cannot be used (see ``read_mesh`` and ``read_urdf``), a URDF has no

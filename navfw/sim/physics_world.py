@@ -1,4 +1,4 @@
-"""A world's collision bodies in PyBullet: simple shapes in few bodies, and meshes, with names."""
+"""A world's collision bodies in PyBullet, with names: simple shapes share bodies, and meshes."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ _FLOOR_THICKNESS = 0.2
 _SHAPES_PER_BODY = 16
 """PyBullet's limit of shapes in one body. Each body costs about 1 us in every physics step."""
 _CONTACT_TOLERANCE = 0.02
-"""Largest distance [m] of a contact point above or below the solid that it belongs to."""
+"""Largest distance [m] of a contact point above or below its solid."""
 
 
 class PhysicsWorld(BulletClient):
-    """The collision bodies of a world in one PyBullet client; ``scenery`` holds their meshes.
+    """Builds the collision bodies of a world in one PyBullet client.
 
-    ``walkers`` are the bodies of the world's walkers, in the order of the file. A display of the
-    scenery may use the same client.
+    ``scenery`` holds their meshes. ``walkers`` are the bodies of the world's walkers, in the order
+    of the file. A display of the scenery may use the same client.
     """
 
     def __init__(self, world: WorldSpec, client: int, scenery: Scenery) -> None:
@@ -59,11 +59,11 @@ class PhysicsWorld(BulletClient):
 
     @property
     def floor(self) -> tuple[int, ...]:
-        """The bodies that form the floor."""
+        """The PyBullet ids of the bodies that form the floor."""
         return tuple(body for body, name in self._names.items() if name == _FLOOR)
 
     def name_at(self, body: int, x: float, y: float, z: float) -> str:
-        """Name of the solid that has a contact of ``body`` at (x, y, z) [m]."""
+        """Name of the solid to which a contact of ``body`` at (x, y, z) [m] belongs."""
         shared = self._shared.get(body)
         if shared is None:
             return self._names.get(body, f"body {body}")
@@ -93,7 +93,7 @@ class PhysicsWorld(BulletClient):
         self.scenery.remove(self._visuals.pop(body))
 
     def update_walker_visuals(self) -> None:
-        """Move the walkers' meshes to their bodies' poses."""
+        """Move the walkers' meshes to the poses of their bodies."""
         for body in self.walkers:
             self.scenery.place(
                 self._visuals[body], *self._call("getBasePositionAndOrientation", body)

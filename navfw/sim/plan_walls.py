@@ -1,9 +1,9 @@
-"""The walls around the free ground of a floor plan, as few rectangles.
+"""Covers the walls around the free floor of a floor plan with few rectangles.
 
-Each straight edge of its outline gives a candidate: the rectangle behind it, as deep as the wall
-and as long as the wall goes on in both directions. Candidates are then chosen greedily by the cells
-they cover (set cover; Chvatal 1979), so that one rectangle serves both faces of a wall and all
-rooms along it.
+Each straight edge of the outline gives a candidate: the rectangle behind it, as deep as the wall,
+and extended in both directions as far as the wall goes on. Candidates are then chosen greedily by
+the cells they cover (set cover; Chvatal 1979), so that one rectangle serves both faces of a wall
+and all rooms along it.
 """
 
 from __future__ import annotations
@@ -25,23 +25,23 @@ _OUTLINE_TOLERANCE = 1.2
 """Largest distance [cells] of the outline from its straight edges: noise of a mapped wall."""
 
 _SHELL = 0.3
-"""Depth [m] of walls before ground that nothing is known of, or that is occupied farther in."""
+"""Depth [m] of walls in front of unknown floor, or of floor that is occupied farther in."""
 
 _MAX_THICKNESS = 2.0
 """Largest thickness [m] of a wall that one rectangle fills between its two faces."""
 
 _MISSED = 1.0
-"""A cell whose centre is this near [cells] to a rectangle counts as covered."""
+"""Largest distance [cells] of a cell's centre from a rectangle that counts as covered."""
 
 _Edge = tuple[Array, Array]
 
 
 def wall_rectangles(free: Mask, cell: float) -> list[Rectangle]:
-    """Rectangles that enclose the free ground, in metres from the grid's corner, largest first.
+    """Enclose the free floor by rectangles, in metres from the grid's corner, largest first.
 
-    ``free`` (rows, columns) has cells of ``cell`` [m]; what is outside of the grid is not free.
-    Each cell that is not free and touches free ground lies within a cell of a rectangle, and each
-    cell in a rectangle within a cell of what is not free.
+    ``free`` (rows, columns) has cells of ``cell`` [m]; the outside of the grid is not free. Each
+    cell that is not free and touches free floor lies within a cell of a rectangle, and each cell in
+    a rectangle within a cell of one that is not free.
     """
     border = math.ceil(_MAX_THICKNESS / cell) + 2
     ground = np.pad(free, border)

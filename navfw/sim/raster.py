@@ -1,4 +1,4 @@
-"""Software rasteriser of textured meshes: the images of PyBullet's TinyRenderer, but faster.
+"""Software rasteriser of textured meshes: the same images as PyBullet's TinyRenderer, but faster.
 
 TinyRenderer does nine divisions for every pixel of each triangle's bounding box, and shades pixels
 that are covered later. Here only the triangle's span of each row is tested, with SIMD instructions,
@@ -25,11 +25,11 @@ from navfw.sim.textured_mesh import MeshArrays, TexturedMesh
 
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 _WHITE, _BRIGHTEST = np.uint8(255), np.float32(255.0)
-"""Background, and the limit of a channel."""
+"""Colour of the background, and the largest value of a channel."""
 _OUTSIDE_GREY = np.float32(128.0)
-"""Luminance for texture coordinates outside a texture."""
+"""Luminance at texture coordinates outside a texture."""
 _NOTHING, _OUTSIDE = -1, -2
-"""Texel indices of pixels without triangle, and with coordinates outside the texture."""
+"""Texel indices of pixels without a triangle, and with coordinates outside the texture."""
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -49,10 +49,10 @@ def shade(
 
     Args:
         faces: (height, width) from ``cover``.
-        weights: (3, height, width) from ``cover``; NaN ones are computed here.
+        weights: (3, height, width) from ``cover``; NaN weights are computed here.
         screens: (M, 3, 3) from ``cover``.
         surfaces: (M, 3, 5) normal in the map and texture coordinates of every corner.
-        tables: (M, 3) first texel, width and height of every triangle's texture.
+        tables: (M, 3) index of the first texel, width and height of every triangle's texture.
         texels: (T, 3) texels of all textures, RGB, rows from the top.
         light: (3,) unit vector towards the light.
         ambient: share of the ambient light.
@@ -146,7 +146,7 @@ def _paint(colours: Bytes, places: Indices, ambient: np.float32, lit: Floats, ro
 class Light:
     """Ambient and directional light, as shares of a texture's colour.
 
-    ``direction`` (3,) is a vector towards the light.
+    ``direction`` (3,) is a vector towards the light in ``map``.
     """
 
     direction: tuple[float, float, float]
@@ -155,9 +155,9 @@ class Light:
 
 
 class RenderRequest(NamedTuple):
-    """A camera at ``eye`` (3,) [m], and the image's ``size`` (width, height) [px].
+    """What to render: a camera at ``eye`` (3,) [m, ``map``], ``size`` (width, height) [px], light.
 
-    ``view`` (4, 4) transforms from the map to the camera's axes (right, up, back) and
+    ``view`` (4, 4) transforms from ``map`` to the camera's axes (right, up, back) and
     ``projection`` (4, 4) from there to clip coordinates, as in OpenGL.
     """
 
@@ -190,9 +190,9 @@ class _PackedBodies:
 
 
 def depth_buffer(depth: Floats, projection: Array) -> Floats:
-    """Depth in [0, 1] as in OpenGL's depth buffer, from a rendered image's ``depth``.
+    """Convert a rendered image's ``depth`` to that of OpenGL's depth buffer, in [0, 1].
 
-    1 at the far plane; rounded like TinyRenderer. ``projection`` (4, 4) is that of the image.
+    It is 1 at the far plane, and rounded like TinyRenderer's. ``projection`` (4, 4) is the image's.
     """
     scale, shift = np.float32(projection[2, 2]), np.float32(projection[2, 3])
     near, far = shift / (scale - np.float32(1.0)), shift / (scale + np.float32(1.0))
@@ -214,13 +214,13 @@ class Raster:
         self._next = 0
 
     def add_texture(self, image: Image) -> int:
-        """Add a texture (height, width, 3), RGB; returns its index."""
+        """Add a texture (height, width, 3), RGB; return its index."""
         self._images.append(image)
         self._texels = None
         return len(self._images) - 1
 
     def add(self, mesh: TexturedMesh, texture: int) -> int:
-        """Add a body whose axes are the map's until it is placed; returns its id."""
+        """Add a body at the origin of ``map``; ``place`` moves it. Return its id."""
         at_origin = _model((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
         self._bodies[self._next] = _Body(mesh.arrays, texture, at_origin)
         self._packed = self._shown = None
@@ -228,7 +228,7 @@ class Raster:
         return self._next - 1
 
     def place(self, body: int, position: Sequence[float], turn: Sequence[float]) -> None:
-        """Set a body's position [m] and orientation (x, y, z, w)."""
+        """Set a body's position [m] and orientation (x, y, z, w) in ``map``."""
         moved = self._bodies[body]
         moved.model = _model(position, turn)
         if self._packed is not None:
@@ -244,12 +244,12 @@ class Raster:
         self._packed = self._shown = None
 
     def hide(self, bodies: Sequence[int]) -> None:
-        """Set the bodies that are not drawn."""
+        """Set the bodies that are not drawn; all others are."""
         self._hidden = set(bodies)
         self._shown = None
 
     def draw(self, request: RenderRequest) -> tuple[Image, Floats]:
-        """An image (height, width, 3), RGB, and its negative clip depth (height, width)."""
+        """Draw an image (height, width, 3), RGB, and its negative clip depth (height, width)."""
         packed, nearest, faces, weights = self._covered(request)
         rgb = np.empty((*nearest.shape, 3), np.uint8)
         light = request.light
@@ -269,7 +269,7 @@ class Raster:
         return rgb, nearest[::-1]
 
     def depth(self, request: RenderRequest) -> Floats:
-        """The depth (height, width) of ``draw``, without the image."""
+        """Compute only the depth (height, width) of ``draw``."""
         return self._covered(request)[1][::-1]
 
     def _covered(

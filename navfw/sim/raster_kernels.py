@@ -16,9 +16,9 @@ from navfw.numerics.arrays import Array, Floats, Int32s, Mask
 
 _ZERO, _ONE, _HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 _MIN_DOUBLE_AREA = 1e-2
-"""Least doubled area of a triangle that is drawn [px^2]."""
+"""Smallest doubled area of a triangle that is drawn [px^2]."""
 _BORDER = np.float32(1.01)
-"""Bound of the visible clip coordinates, relative to w: 1 plus a margin for rounding."""
+"""Largest visible clip coordinate, relative to w: 1 plus a margin for rounding."""
 _SLACK = 1e-3
 """Margin by which the computed span of a row is widened, for rounding [px]."""
 _SIMD_WIDTH = 8
@@ -27,7 +27,7 @@ _SIMD_WIDTH = 8
 
 @numba.njit(cache=True)
 def combine(left: Floats, right: Floats) -> Floats:
-    """Matrix product (4, 4), terms summed from the last to the first."""
+    """Multiply two matrices (4, 4), adding terms from the last to the first."""
     out = np.empty((4, 4), np.float32)
     for i in range(4):
         for j in range(4):

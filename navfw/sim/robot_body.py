@@ -1,13 +1,13 @@
 """The robot's body in PyBullet: the round one of a RobotModel, or that of the robot's own URDF.
 
 The round body is loaded from a URDF generated from the model: a disc-shaped base on two driven
-wheels and two frictionless casters. Wheels and casters collide with the floor only, the base with
-everything else only: every contact of the base is a collision. The wheels' collision shapes are
+wheels and two frictionless casters. Wheels and casters collide only with the floor, the base only
+with everything else: every contact of the base is a collision. The wheels' collision shapes are
 spheres with one contact point each; cylinders would chatter.
 
 A robot's own URDF is driven by its wheel joints, with its inertia and shapes. All links collide
 with floor and solids; every contact with anything but the floor is a collision. Links without
-inertia get next to none, where PyBullet would assume 1 kg; impossible ones get that of a box.
+inertia get a negligible one, where PyBullet would assume 1 kg; impossible ones get that of a box.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ BodyState = tuple[tuple[float, float, float], tuple[float, float, float, float]]
 """Position [m] and orientation (quaternion x, y, z, w) of base_link in the map."""
 
 ContactPoint = tuple[int, float, float, float]
-"""PyBullet's id of the body in contact with the robot, and the point (x, y, z) [m]."""
+"""PyBullet's id of the body in contact with the robot, and the point (x, y, z) [m, ``map``]."""
 
 
 class WheeledBody(BulletClient, ABC):
-    """Wheel motors, and the true state and contacts, of the robot that ``body`` is the id of.
+    """The robot with PyBullet's id ``body``: wheel motors, true state and contacts.
 
-    Subclasses load the body, then call ``_bind``. ``_supports`` (n, 2) [m] are the points of
+    Subclasses load the body, then call ``_bind``. ``_supports`` (n, 2) [m] are the points in
     base_link that rest on the floor, ``_sides`` the numbers of wheels left and right, and
     ``_sense`` is -1 for a wheel whose joint turns backwards as the robot drives ahead.
     """
@@ -75,10 +75,10 @@ class WheeledBody(BulletClient, ABC):
 
     @abstractmethod
     def state(self) -> BodyState:
-        """The true pose of ``base_link``."""
+        """Return the true pose of ``base_link`` in ``map``."""
 
     def set_wheel_speeds(self, left: float, right: float) -> None:
-        """Set the motors' target angular speeds [rad/s] of each side, forward positive."""
+        """Set the motors' target speeds [rad/s] of the left and right wheels, forward positive."""
         speeds = [left] * self._sides[0] + [right] * self._sides[1]
         self._set_motors(
             targetVelocities=[s * sense for s, sense in zip(speeds, self._sense, strict=True)]
@@ -91,14 +91,14 @@ class WheeledBody(BulletClient, ABC):
         return sum_in_order(left) / len(left), sum_in_order(right) / len(right)
 
     def support_points(self) -> Array:
-        """(n, 3) points [m] in the map: where the body rests on the floor."""
+        """Points (n, 3) [m] in ``map`` at which the body rests on the floor."""
         origin, turn = self.state()
         axes = np.array(self._call("getMatrixFromQuaternion", turn)).reshape(3, 3)
         points: Array = origin + product(self._supports, axes[:, :2].T)
         return points
 
     def roll_pitch_rates(self, now: BodyState, dt: float) -> tuple[float, float]:
-        """Mean rates [rad/s] about its x and y axes since the last call, ``dt`` [s] before."""
+        """Mean rates [rad/s] about the body's x and y axes since the last call, ``dt`` [s] ago."""
         (a, b, c, d), (x, y, z, w) = (self._last or now)[1], now[1]
         self._last = now
         if dt == 0.0:
@@ -232,7 +232,7 @@ class RobotBody(WheeledBody):
             )
 
     def state(self) -> BodyState:
-        """The true pose of ``base_link``."""
+        """Return the true pose of ``base_link`` in ``map``."""
         centre, turn = self._base_pose()
         x, y, z, w = turn
         # PyBullet reports the centre of mass: base_link is below it on the body's z axis
@@ -248,9 +248,9 @@ class RobotBody(WheeledBody):
 # --- a robot's own URDF -----------------------------------------------------------------------
 
 _NO_MASS = 1e-3
-"""Mass of a link without inertia [kg]; PyBullet takes one without mass for fixed to the world."""
+"""Mass given to a link without inertia [kg]; PyBullet would fix one without mass to the world."""
 _NO_INERTIA = 1e-6
-"""Its moments of inertia [kg m^2]."""
+"""Moments of inertia given to a link without inertia [kg m^2]."""
 _BULLET_ERROR = r"b3Error\[[^\]]*\]:\s*(.*?)\s*(?=b3(?:Error|Warning)\[|$)"
 """What PyBullet prints of an error."""
 _MAX_JOINTS = 127
@@ -359,12 +359,12 @@ class UrdfBody(WheeledBody):
             self._call("changeDynamics", self.body, joints[name], lateralFriction=0.0)
 
     def state(self) -> BodyState:
-        """The true pose of ``base_link``."""
+        """Return the true pose of ``base_link`` in ``map``."""
         position, turn = bullet.multiplyTransforms(*self._base_pose(), *self._offset)
         return position, turn
 
     def set_level(self) -> None:
-        """Take the present attitude as level: base_link, and the camera on it, are so at rest."""
+        """Make the present attitude the level one, for ``base_link`` and the camera on it."""
         state = self.state()
         back = bullet.invertTransform([0, 0, 0], state[1])
         level = bullet.multiplyTransforms(*back, [0, 0, 0], quaternion(pose_of(state).yaw))
@@ -377,7 +377,7 @@ class UrdfBody(WheeledBody):
 def make_body(
     robot: RobotModel, client: int, start: Pose, floor: Collection[int]
 ) -> RobotBody | UrdfBody:
-    """The robot in the PyBullet client ``client``; ``floor`` are the ids of the floor's bodies."""
+    """Load the robot in the PyBullet client ``client``; ``floor`` are the floor bodies' ids."""
     if robot.urdf is None:
         return RobotBody(robot, client, start)
     return UrdfBody(robot, client, start, floor)

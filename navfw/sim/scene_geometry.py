@@ -27,18 +27,16 @@ _MOVES = {
     (2, 1): ((1, 0), (1, 1)),
     (2, -1): ((1, 0), (1, -1)),
 }
-"""Straight, diagonal and knight's moves by rows and columns, with the cells that each passes.
-
-With their opposites, 16 directions of the search.
-"""
+"""Straight, diagonal and knight's moves by rows and columns, with the cells that each passes. With
+their opposites, they are 16 directions of the search."""
 
 
 @dataclass(frozen=True, slots=True)
 class ConfigurationSpaceGrid:
-    """The positions of a disc-shaped robot's centre that collide: ``occupied`` (rows, columns).
+    """Grid of positions of a disc-shaped robot's centre; ``occupied`` (rows, columns) collide.
 
-    Row 0 is at the lowest y, column 0 at the lowest x; cell (i, j) has its centre at
-    ``origin + (j + 0.5, i + 0.5) * cell`` [m].
+    Row 0 is at the lowest y, column 0 at the lowest x; cell (i, j) has its centre at ``origin + (j
+    + 0.5, i + 0.5) * cell`` [m].
     """
 
     origin: tuple[float, float]
@@ -46,7 +44,7 @@ class ConfigurationSpaceGrid:
     occupied: Mask
 
     def centres(self, rows: Indices, columns: Indices) -> Array:
-        """(N, 2) centres [m] of cells."""
+        """Centres (N, 2) [m] of the cells in these ``rows`` and ``columns`` (N,)."""
         x = self.origin[0] + (columns + 0.5) * self.cell
         y = self.origin[1] + (rows + 0.5) * self.cell
         return np.stack([x, y], axis=1)
@@ -54,13 +52,13 @@ class ConfigurationSpaceGrid:
 
 @dataclass(frozen=True, slots=True)
 class DistanceField:
-    """Length of the shortest way to one goal from everywhere: ``lengths`` (rows, columns) [m]."""
+    """Lengths [m] of the shortest paths from each cell to one goal: ``lengths`` (rows, columns)."""
 
     grid: ConfigurationSpaceGrid
     lengths: Array
 
     def at(self, x: float, y: float) -> float:
-        """The length [m] from a point [m], interpolated between the cells; within about 2 %."""
+        """The length [m] from the point x, y [m], interpolated between cells; within about 2 %."""
         (x0, y0), cell, (rows, columns) = self.grid.origin, self.grid.cell, self.lengths.shape
         up = min(max((y - y0) / cell - 0.5, 0.0), rows - 1.0)
         right = min(max((x - x0) / cell - 0.5, 0.0), columns - 1.0)
@@ -71,7 +69,7 @@ class DistanceField:
 
 
 class SceneGeometry:
-    """Outlines of solids at the robot's height and of drops, in the bounds (x0, y0, x1, y1) [m].
+    """Outlines of solids at the robot's height and of drops, in ``bounds`` (x0, y0, x1, y1) [m].
 
     ``doors`` are the names and widths [m] of the gaps in walls.
     """
@@ -90,7 +88,7 @@ class SceneGeometry:
 
     @classmethod
     def from_world(cls, world: WorldSpec, robot_height: float = 0.4) -> SceneGeometry:
-        """The plan of a valid world: its solids between the floor and ``robot_height`` [m].
+        """Make the plan of a valid world: its solids between the floor and ``robot_height`` [m].
 
         Drops are included like solids: the robot cannot stand there either.
         """
@@ -104,7 +102,7 @@ class SceneGeometry:
     def clearances(self, points: Array) -> Array:
         """Distance (N,) [m] of points (N, 2) to the nearest solid; negative inside one.
 
-        inf in a world without solids. The edge of the floor does not count.
+        It is inf in a world without solids. The edge of the floor does not count.
         """
         nearest = np.full(len(points), np.inf)
         for solid in self.solids:
@@ -112,9 +110,9 @@ class SceneGeometry:
         return nearest
 
     def near_clearances(self, x: Array, y: Array, reach: float) -> Array:
-        """Clearance (len(y), len(x)) [m] at the points of a grid, no more than ``reach`` [m].
+        """Clearance (len(y), len(x)) [m] at the points of a grid, at most ``reach`` [m].
 
-        ``x`` and ``y`` ascend. Each solid is compared with the points near it alone.
+        ``x`` and ``y`` must ascend. Each solid is compared only with the points near it.
         """
         nearest = np.full((len(y), len(x)), reach)
         for solid in self.solids:
@@ -131,16 +129,16 @@ class SceneGeometry:
         return float(self.clearances(np.array([[x, y]]))[0])
 
     def nearest_name(self, x: float, y: float) -> str:
-        """Name of the solid nearest to a point [m]; empty when there is none."""
+        """Name of the solid nearest to the point x, y [m]; "" if there is none."""
         point = np.array([[x, y]])
         distances = [float(s.shape.distance(point)[0]) for s in self.solids]
         return self.solids[int(np.argmin(distances))].name if distances else ""
 
     def check_free(self, x: float, y: float, radius: float, what: str) -> None:
-        """Check that a robot of ``radius`` [m] fits at a point [m].
+        """Check that a disc of ``radius`` [m] is free at x, y [m]; ``what`` begins the message.
 
         Raises:
-            WorldError: it does not fit, or the point is off the floor; ``what`` begins the message.
+            WorldError: the disc overlaps a solid, or leaves the floor.
 
         """
         x0, y0, x1, y1 = self.bounds
@@ -159,7 +157,7 @@ class SceneGeometry:
     def configuration_space(
         self, radius: float = 0.0, cell: float = CELL
     ) -> ConfigurationSpaceGrid:
-        """Grid of the positions that a robot of ``radius`` [m] cannot take; ``cell`` [m]."""
+        """Grid of cells of ``cell`` [m]; occupied where a disc of ``radius`` [m] does not fit."""
         x0, y0, x1, y1 = self.bounds
         columns, rows = math.ceil((x1 - x0) / cell - 1e-9), math.ceil((y1 - y0) / cell - 1e-9)
         x = x0 + (np.arange(columns, dtype=np.float64) + 0.5) * cell
@@ -178,7 +176,7 @@ class SceneGeometry:
         """Length [m] and corners (N, 2) [m] of the shortest path for a robot of ``radius`` [m].
 
         Dijkstra's search on a 5 cm grid, then shortened; within about 1 % of the true length
-        (test_sim_scene_geometry). Gaps less than one cell wider than the robot may be missed.
+        (test_sim_scene_geometry). Gaps less than a cell wider than the robot may be missed.
 
         Raises:
             WorldError: an end is not free, or there is no path between them.
@@ -194,7 +192,7 @@ class SceneGeometry:
         return _length(path), path
 
     def distance_field(self, goal: tuple[float, float], radius: float) -> DistanceField:
-        """The lengths of the shortest ways to ``goal`` for a robot of ``radius`` [m]; kept.
+        """Lengths of the shortest paths to ``goal`` for a robot of ``radius`` [m]; cached.
 
         Raises:
             WorldError: the robot is too large for this world.
@@ -251,7 +249,7 @@ class SceneGeometry:
         return self._graphs[radius]
 
     def straight_path_free(self, a: Array, b: Array, radius: float) -> bool:
-        """Whether a robot of ``radius`` [m] can drive straight from a to b (tested every 1 cm)."""
+        """Whether a disc of ``radius`` [m] is free on the line from a to b (tested every 1 cm)."""
         steps = max(int(np.ceil(math.dist(a, b) / 0.01)), 1)
         points = a + np.linspace(0.0, 1.0, steps + 1)[:, None] * (b - a)
         low, high = np.minimum(a, b) - radius, np.maximum(a, b) + radius

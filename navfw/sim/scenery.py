@@ -1,7 +1,7 @@
 """The visual model of a world: textured meshes in parts, of which the visible ones are drawn.
 
-The meshes are in a rasteriser, apart from the physics: there they would add to the cost of every
-step, here their number is free. A display window shows them as well.
+The meshes are in a rasteriser, apart from the physics: there they would make every step slower,
+here their number costs nothing. A display window shows them as well.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from navfw.sim.visibility import PartBounds, Visibility
 from navfw.sim.worldspec import TextureSpec, WalkerSpec, WorldSpec
 
 _KEPT_WORLDS = 8
-"""Number of worlds whose surfaces are kept, up to 5 MB each: one for each of some environments."""
+"""Number of worlds whose surfaces are kept, up to 5 MB each."""
 _Parts = tuple[tuple[str, TexturedMesh, PartBounds], ...]
 _known_surfaces: dict[str, _Parts] = {}
 _COVER_DISTANCE = 0.003
@@ -48,7 +48,7 @@ _COVER_DISTANCE = 0.003
 class Scenery:
     """The visible bodies of a world, in ``raster`` and, if given, in ``display``.
 
-    ``cull`` False draws everything always, as the display does.
+    With ``cull`` False, parts out of view are drawn as well, as in the display.
     """
 
     def __init__(self, world: WorldSpec, display: Display | None = None, cull: bool = True) -> None:
@@ -83,7 +83,7 @@ class Scenery:
         self._visible = np.ones(len(bounds), np.bool_)
 
     def update_visible(self, eye: Array, middle: float, half: float) -> None:
-        """Select the parts to draw from ``eye`` (3,) [m].
+        """Select the parts that are drawn from ``eye`` (3,) [m, ``map``].
 
         The field of view extends ``half`` [rad] to both sides of the bearing ``middle`` [rad].
         """
@@ -95,26 +95,26 @@ class Scenery:
             self._visible = visible
 
     def add_solid(self, solid: Solid) -> int:
-        """Add a solid as a body of its own, all of it with its front if any; returns the body."""
+        """Add a solid as a body; a ``front`` texture covers all its sides. Return the body."""
         mesh, texture = solid_mesh(solid), solid.texture
         if solid.front:
             mesh, texture = mesh.stretched(), f"{STRETCHED}{solid.front}"
         return self._add(self._light.lit(mesh.placed(solid.centre, solid.shape.yaw)), texture)
 
     def add_moving(self, solid: Solid) -> int:
-        """Add a solid about the origin that ``place`` moves; returns the body."""
+        """Add a solid around the origin, to be moved by ``place``; return the body."""
         mesh = solid_mesh(solid).placed(solid.centre, solid.shape.yaw)
         return self._add(self._light.lit(mesh, alone=True), solid.texture)
 
     def add_walker(self, walker: WalkerSpec) -> int:
-        """Add a walker's cylinder at the origin; ``place`` moves it. Returns the body."""
+        """Add a walker's cylinder at the origin, to be moved by ``place``; return the body."""
         mesh = cylinder_mesh(walker.radius, walker.height, texture_shift(walker.name))
         return self._add(self._light.lit(mesh, alone=True), walker.texture)
 
     def add_cover(self, solids: Sequence[Solid], brightness: float) -> int:
-        """Cover ``solids`` with a textureless surface [grey levels]; returns its body.
+        """Cover ``solids`` with a textureless surface [grey levels]; return its body.
 
-        Its distance from them is below the resolution of any sensor.
+        It is 3 mm in front of them, below the resolution of any sensor.
         """
         mesh = TexturedMesh()
         for solid in solids:
@@ -125,7 +125,7 @@ class Scenery:
         return self._add(self._light.lit(mesh), self._load(plain))
 
     def place(self, body: int, position: Sequence[float], turn: Sequence[float]) -> None:
-        """Set a body's position [m] and orientation (x, y, z, w)."""
+        """Set a body's position [m] and orientation (x, y, z, w) in ``map``."""
         self.raster.place(body, position, turn)
         if self._display is not None:
             self._display.place(self._displayed[body], position, turn)

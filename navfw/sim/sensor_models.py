@@ -18,7 +18,7 @@ from navfw.signals import Encoders, Inertial
 class SensorParams(OdometrySheet):
     """Parameters of the sensor models; the defaults are those of an inexpensive robot.
 
-    Those of the data sheet are errors that the robot knows the size of.
+    The robot knows those of the ``OdometrySheet``, as from a data sheet.
     """
 
     image_noise: Annotated[
@@ -38,7 +38,7 @@ class SensorParams(OdometrySheet):
 
     @classmethod
     def preset(cls, name: str, **changes: Any) -> SensorParams:
-        """The parameters of a preset, with single values changed.
+        """Make the parameters of a preset, with single values changed.
 
         Raises:
             UnknownNameError: no preset has that name.
@@ -50,7 +50,7 @@ class SensorParams(OdometrySheet):
 
     @property
     def sheet(self) -> OdometrySheet:
-        """The data sheet that the robot has for such a gyro and such wheels."""
+        """The part of the parameters that the robot knows as its data sheet."""
         return OdometrySheet(**{name: getattr(self, name) for name in OdometrySheet.model_fields})
 
 
@@ -86,7 +86,7 @@ PRESETS: Mapping[str, Mapping[str, float]] = MappingProxyType(
         },
     }
 )
-"""Presets by name: values that differ from the defaults."""
+"""By name, the values of presets that differ from the defaults."""
 
 
 def _normals(rng: np.random.Generator, count: int, ahead: int) -> Iterator[list[float]]:
@@ -99,10 +99,10 @@ def _normals(rng: np.random.Generator, count: int, ahead: int) -> Iterator[list[
 
 
 class GyroModel:
-    """A three-axis rate gyro: bias with random walk, and white noise, for every axis.
+    """A three-axis rate gyro: bias with random walk, and white noise, on every axis.
 
-    The yaw rate is the mean over the time since the last reading, as an integrating gyro gives it.
-    ``ahead`` readings' noise is drawn at once; more than 1 only if ``rng`` has no other user.
+    The yaw rate is the mean since the last reading, as from an integrating gyro. Noise is drawn for
+    ``ahead`` readings at once; more than 1 only if ``rng`` has no other user.
     """
 
     def __init__(self, params: SensorParams, rng: np.random.Generator, ahead: int = 1) -> None:
@@ -111,7 +111,7 @@ class GyroModel:
         self._bias: list[float] = (params.gyro_bias * rng.standard_normal(3)).tolist()
 
     def read(self, time: float, dt: float, rates: tuple[float, float, float]) -> Inertial:
-        """Measure the true ``rates`` (roll, pitch, yaw) [rad/s], ``dt`` [s] after the last one."""
+        """Measure the true ``rates`` (roll, pitch, yaw) [rad/s], ``dt`` [s] after the last call."""
         drawn = next(self._drawn)
         walk, noise = self._params.gyro_bias_walk * math.sqrt(dt), self._params.gyro_noise
         bias = self._bias
@@ -122,7 +122,7 @@ class GyroModel:
 
 
 class WheelEncoderModel:
-    """Incremental encoders on both wheels, with slip: a wheel turns further than the robot moves.
+    """Incremental encoders on both wheels, with slip: a wheel turns farther than the robot moves.
 
     Each wheel's slip, a share of its distance, is a first-order Gauss-Markov process with the time
     constant ``slip_time``. The wheels' radii differ by ``radius_mismatch``; which one is larger is
@@ -147,7 +147,7 @@ class WheelEncoderModel:
         self._last = angles
 
     def read(self, time: float, dt: float, angles: tuple[float, float]) -> Encoders:
-        """Ticks at the wheel angles (left, right) [rad], ``dt`` [s] after the last reading."""
+        """Count the ticks at wheel angles (left, right) [rad], ``dt`` [s] after the last call."""
         keep = math.exp(-dt / self._params.slip_time) if self._params.slip_time > 0.0 else 0.0
         spread = self._params.slip * math.sqrt(1.0 - keep * keep)
         drawn = next(self._drawn)

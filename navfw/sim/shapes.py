@@ -1,4 +1,4 @@
-"""Plane geometry of solids: rectangles and circles, signed distance, overlap and gap."""
+"""Plane geometry of solids: rectangles and circles, signed distances, overlaps and gaps."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from navfw.numerics.products import product
 from navfw.signals import Pose
 
 OVERLAP_TOLERANCE = 0.002
-"""Two solids of a world file may overlap by this much [m]: coordinates are rounded."""
+"""Depth by which two solids of a world file may overlap [m]: coordinates are rounded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,19 +27,19 @@ class Rectangle:
 
     @property
     def corners(self) -> Array:
-        """(4, 2) corners [m], counter-clockwise."""
+        """Corners (4, 2) [m], counter-clockwise."""
         signs = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
         return Pose(self.x, self.y, self.yaw).points_to_parent(signs * (self.half_x, self.half_y))
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
-        """(min x, min y, max x, max y) [m]."""
+        """Bounding box (min x, min y, max x, max y) [m]."""
         low, high = self.corners.min(axis=0), self.corners.max(axis=0)
         return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
     @property
     def reach(self) -> float:
-        """Radius [m] of the circle around it."""
+        """Radius [m] of the circumscribed circle."""
         return math.hypot(self.half_x, self.half_y)
 
     def distance(self, points: Array) -> Array:
@@ -68,17 +68,17 @@ class Circle:
 
     @property
     def reach(self) -> float:
-        """Radius [m] of the circle around it."""
+        """The radius [m], as for ``Rectangle``."""
         return self.radius
 
     @property
     def corners(self) -> Array:
-        """(4, 2) corners [m] of the square around it, counter-clockwise."""
+        """Corners (4, 2) [m] of the circumscribed square, counter-clockwise."""
         return Rectangle(self.x, self.y, self.radius, self.radius).corners
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
-        """(min x, min y, max x, max y) [m]."""
+        """Bounding box (min x, min y, max x, max y) [m]."""
         r = self.radius
         return self.x - r, self.y - r, self.x + r, self.y + r
 

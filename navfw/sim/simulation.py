@@ -1,7 +1,7 @@
-"""The simulation of a world with a robot, advanced by the mission runner.
+"""The simulation of a world with a robot, advanced by the mission loop.
 
-Physics runs at 240 Hz, control at the robot's control rate, the camera at its own rate. All in
-simulated time: the wall clock is read for timings only.
+Physics runs at 240 Hz, control at the robot's control rate, the camera at its own rate, all in
+simulated time: the wall clock is read only for timings.
 """
 
 from __future__ import annotations
@@ -34,25 +34,25 @@ from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import WorldSpec
 
 _FINE, _COARSE = (240, 50), (60, 10)
-"""Physics steps per second, and iterations of the solver in each: fewer halve a step's time, and
-change the end of a way of 5 m by 2 cm."""
+"""Physics steps per second, and iterations of the solver in each. The coarse ones halve a step's
+time, and change the end of a path of 5 m by 2 cm."""
 _SETTLING_TIME = 0.25
 """Time [s] of physics before time 0, in which the robot comes to rest on its wheels."""
 _GRAVITY = 9.81
 """Gravitational acceleration [m/s^2]."""
 _READINGS_AHEAD = 64
-"""Number of readings whose noise is drawn at once."""
+"""Number of readings for which noise is drawn at once."""
 
 
 class Simulation(BulletConnection):
-    """One run in one world. Use as a context manager, or ``close()`` it.
+    """One run of a robot in a world. Use it as a context manager, or ``close()`` it.
 
     With ``landmark_frames`` the camera also captures the larger frames of ``robot.landmark_view``.
-    ``read()`` gives the robot's sensor readings; ``true_pose``, ``true_depth``, ``contacts``,
-    ``walkers`` and ``plan`` are ground truth, for metrics and tests only. ``window`` is that of
-    ``gui``, else None. If not ``drawn``, images show nothing: for a stack with ``ideal`` flow. If
-    ``coarse``, physics has longer steps. A new Simulation with the same arguments and the same
-    commands gives the same readings, bit for bit.
+    ``read()`` returns the robot's sensor readings; ``true_pose``, ``true_depth``, ``contacts``,
+    ``walkers`` and ``plan`` are ground truth, only for metrics and tests. ``window`` is the window
+    with ``gui``, else None. If not ``drawn``, images have no content, as for ``ideal`` flow. If
+    ``coarse``, the physics takes longer steps. A new Simulation with the same arguments and the
+    same commands gives the same readings, bit for bit.
 
     Raises:
         WorldError: the world's geometry is impossible, or the start is not free.
@@ -147,9 +147,9 @@ class Simulation(BulletConnection):
     # --- sensors and wheels, for the robot ----------------------------------------------------
 
     def read(self) -> SensorReading:
-        """The current sensor readings, with a frame when one is due.
+        """Return the current sensor readings, with a camera frame if one is due.
 
-        Another call without ``advance`` returns the same reading and draws no noise.
+        Called again before ``advance``, it returns the same reading and draws no noise.
         """
         if self._reading is not None and self._reading.time == self.time:
             return self._reading
@@ -204,7 +204,7 @@ class Simulation(BulletConnection):
         self._encoders.more_slip = self._faults.slip
 
     def advance(self, dt: float) -> None:
-        """Advance time by ``dt`` [s] in whole physics steps; the remainder is made up for later."""
+        """Simulate ``dt`` [s] in whole physics steps; a remainder is added to the next call's."""
         begun = wall.perf_counter()
         self.time += dt
         self._contacts = set()
@@ -281,18 +281,18 @@ class Simulation(BulletConnection):
 
     @property
     def contacts(self) -> tuple[str, ...]:
-        """Names of the bodies in contact with the base, and of drops fallen into, ascending.
+        """Names of bodies that touched the base, and of drops fallen into, sorted.
 
-        Since the last ``advance`` began; the floor does not count.
+        They are those since the last ``advance`` began; the floor is not included.
         """
         return tuple(sorted(self._contacts)) if self._contacts else ()
 
     @property
     def collision_cause(self) -> Literal["robot", "mover"] | None:
-        """The cause of the first contact of the run; None before it.
+        """The body that caused the first contact of the run; None before it.
 
-        "mover" when only walkers were in contact and the robot did not approach them (faster than
-        ``navfw.sim.world_changes.CLOSING_SPEED``) nor close most of the distance in the last
+        "mover" if only walkers were in contact and the robot neither approached them faster than
+        ``navfw.sim.world_changes.CLOSING_SPEED`` nor closed most of the distance in the last
         second, else "robot".
         """
         return self._cause
@@ -308,11 +308,11 @@ class Simulation(BulletConnection):
         )
 
     def change_track(self) -> world_changes.ChangeTrack:
-        """The solids that were present part of the time only: doors, obstacles."""
+        """The solids that were present only part of the time so far: doors, obstacles."""
         return self._changes.track()
 
     def true_pose(self) -> Pose:
-        """The robot's true pose in the map."""
+        """The robot's true pose in ``map``."""
         return self._truth()[1]
 
     def true_depth(self) -> DepthImage:
@@ -329,7 +329,7 @@ class Simulation(BulletConnection):
         return self._rig.true_motion(past, now)
 
     def render_from(self, pose: Pose) -> tuple[Image, DepthImage]:
-        """Image without noise and true depth [m] from any pose of the robot."""
+        """Render an image without noise and its true depth [m] from any ``pose`` of the robot."""
         self._physics.update_walker_visuals()
         image, raw = self._rig.camera.render((pose.x, pose.y, 0.0), quaternion(pose.yaw))
         return image, self._rig.camera.depth(raw)

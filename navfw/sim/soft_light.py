@@ -20,19 +20,19 @@ from navfw.sim.textured_mesh import TexturedMesh
 from navfw.sim.worldspec import WorldSpec
 
 _HEIGHT = 0.45
-"""Height [m] of the faces that cover the light; four times as far away they cover 0.015 of it."""
+"""Height [m] of the faces that cover the light; at four times that distance they cover 0.015."""
 _IN_FRONT = 0.2
-"""Distance [m] by which a solid extends in front of a surface that it shades in full."""
+"""Distance [m] by which a solid extends in front of a surface that it shades completely."""
 _FLOOR, _CEILING = 0.5, 0.25
-"""Shares of light that a wall loses at its foot, and below the ceiling."""
+"""Shares of light that a wall loses at its foot, and just below the ceiling."""
 _LEVEL, _UPRIGHT, _TURN = 0.95, 0.8, (0.09, -0.05)
 """Brightness of level and of upright surfaces; its change with the normal's x and y."""
 _TOLERANCE = 0.05
-"""Largest difference of brightness between a patch and what its corners interpolate."""
+"""Largest difference of brightness between a patch and the interpolation of its corners."""
 _MIN_LENGTH, _MAX_SPLITS = 0.1, 8
 """Length [m] below which a patch is not split; largest number of splits of one patch."""
 _LATTICE = ((0, 1), (1, 2), (2, 3), (3, 0), (0, 2))
-"""Corners whose middles, with the corners, are a patch's lattice: four sides, and the middle."""
+"""Pairs of corners whose midpoints, with the corners, are a patch's lattice: four sides, middle."""
 _ALONG, _UP = ((0, 4, 1), (7, 8, 5), (3, 6, 2)), ((0, 7, 3), (4, 8, 6), (1, 5, 2))
 """Lines of the lattice: first, middle and last point."""
 _HALVES = ((0, 4, 6, 3), (4, 1, 2, 6)), ((0, 1, 5, 7), (7, 5, 2, 3))
@@ -40,7 +40,7 @@ _HALVES = ((0, 4, 6, 3), (4, 1, 2, 6)), ((0, 1, 5, 7), (7, 5, 2, 3))
 
 
 class SoftLight:
-    """The light in ``world``, if it is to be soft."""
+    """Computes the soft light in ``world``; without ``light.soft`` it changes nothing."""
 
     def __init__(self, world: WorldSpec) -> None:
         self._soft = world.light.soft
@@ -49,9 +49,9 @@ class SoftLight:
         self._height = max([wall.height for wall in world.walls], default=100.0)
 
     def lit(self, mesh: TexturedMesh, alone: bool = False) -> TexturedMesh:
-        """A mesh in the map with its light; quadrangles are split until they interpolate it.
+        """Return a mesh in ``map`` with its light; quadrangles are split until they interpolate it.
 
-        One that is ``alone``, as it will move, has the light over the floor only.
+        A mesh that is ``alone``, as it will move, gets only the light above the floor.
         """
         if not self._soft:
             return mesh

@@ -4,7 +4,7 @@ Walls are cut into straight pieces between openings, with a lintel above each op
 rendering, scene geometry and its checks are all built from these solids. A mesh is several solids
 of one name, its upright parts; physics and rendering use its triangles instead.
 
-A drop is a row of treads, each deeper than the one before; a pit has one tread only. Where two
+A drop is a row of treads, each deeper than the one before; a pit has only one tread. Where two
 treads, or a tread and the floor, differ in height there is a wall that faces the lower one.
 """
 
@@ -34,7 +34,7 @@ _ON_LINE = 0.02
 class Solid:
     """An upright prism: outline ``shape``, from ``bottom`` to ``top`` [m] above the floor.
 
-    ``front`` is a texture stretched over the two longer sides of a rectangle, if there is one.
+    ``front`` is a texture stretched over the two longer sides of a rectangle, or None.
     """
 
     name: str
@@ -47,18 +47,18 @@ class Solid:
 
     @property
     def height(self) -> float:
-        """[m]."""
+        """Height [m] from bottom to top."""
         return self.top - self.bottom
 
     @property
     def centre(self) -> tuple[float, float, float]:
-        """(x, y, z) [m] of its middle."""
+        """Centre (x, y, z) [m]."""
         return self.shape.x, self.shape.y, 0.5 * (self.bottom + self.top)
 
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """One straight part of a wall's line; its ends are extended by these lengths [m] at corners."""
+    """A straight part of a wall's centre line; its ends are extended by these lengths [m]."""
 
     start: tuple[float, float]
     end: tuple[float, float]
@@ -76,17 +76,17 @@ class Segment:
         return math.atan2(self.end[1] - self.start[1], self.end[0] - self.start[0])
 
     def locate(self, point: tuple[float, float]) -> tuple[float, float]:
-        """(distance along the line, signed distance to its left) [m] of a point."""
+        """Return a point's distance along the line and signed distance to its left [m]."""
         return Pose(*self.start, self.yaw).to_local(*point)
 
     def piece(self, begin: float, end: float, thickness: float) -> Rectangle:
-        """The wall's rectangle between two distances along the line [m]."""
+        """Return the wall's rectangle between two distances along the line [m]."""
         x, y = Pose(*self.start, self.yaw).to_parent(0.5 * (begin + end), 0.0)
         return Rectangle(x, y, 0.5 * (end - begin), 0.5 * thickness, self.yaw)
 
 
 def wall_segments(wall: WallSpec) -> list[Segment]:
-    """The straight parts of a wall, extended at corners of its line but not at free ends."""
+    """Return the straight parts of a wall, extended at corners of its line but not at free ends."""
     points = wall.points
     closed = points[0] == points[-1] and len(points) > 2
     last = len(points) - 2
@@ -98,7 +98,7 @@ def wall_segments(wall: WallSpec) -> list[Segment]:
 
 
 def opening_segment(wall: WallSpec, opening: OpeningSpec) -> int | None:
-    """Index of the wall's segment that contains the whole opening; None when there is none."""
+    """Index of the wall's segment that contains the whole opening; None if none does."""
     half = 0.5 * opening.width
     for i, segment in enumerate(wall_segments(wall)):
         along, off = segment.locate(opening.at)
@@ -108,7 +108,7 @@ def opening_segment(wall: WallSpec, opening: OpeningSpec) -> int | None:
 
 
 def solids_of(world: WorldSpec) -> list[Solid]:
-    """Every solid of a valid world except the floor, in the order of the file."""
+    """Return every solid of a valid world except the floor, in the order of the file."""
     solids: list[Solid] = []
     gaps: dict[str, tuple[Rectangle, float]] = {}
     for wall in world.walls:
@@ -174,10 +174,10 @@ def _piece(wall: WallSpec, shape: Rectangle) -> list[Solid]:
 # --- drops ------------------------------------------------------------------------------------
 
 _FALL_DEPTH = 0.02
-"""The robot falls when one of its support points is deeper below the floor than this [m]."""
+"""Depth [m] of a support point below the floor at which the robot has fallen."""
 
 _FALL_MARGIN = 0.1
-"""Distance [m] around a drop within which a support point below the floor counts for it."""
+"""Distance [m] around a drop within which a fallen support point counts as in it."""
 
 Corner = tuple[float, float]
 
@@ -197,11 +197,11 @@ class Tread:
 
     @property
     def rectangle(self) -> Rectangle:
-        """Its outline in the plane."""
+        """The tread's outline in the plane."""
         return _rectangle(self.x, self.y)
 
     def walls(self) -> Iterator[tuple[Corner, Corner, float]]:
-        """The vertical faces around it, seen from it: (left end, right end, upper edge [m])."""
+        """Yield the vertical faces around it, seen from it: left end, right end, upper edge [m]."""
         (x0, x1), (y0, y1) = self.x, self.y
         sides = (
             ((x0, y0), (x0, y1)),
@@ -264,12 +264,12 @@ def floor_pieces(world: WorldSpec) -> list[Rectangle]:
 
 
 def drop_at(world: WorldSpec, x: float, y: float) -> DropSpec | None:
-    """The drop that contains a point [m], if any."""
+    """The drop that contains the point x, y [m]; None if there is none."""
     return next((d for d in world.drops if d.x[0] < x < d.x[1] and d.y[0] < y < d.y[1]), None)
 
 
 def drop_under(world: WorldSpec, shape: Shape) -> DropSpec | None:
-    """The drop that overlaps this outline, if any."""
+    """The drop that overlaps ``shape`` by more than the tolerance; None if there is none."""
     overlapping = (
         drop
         for drop in world.drops

@@ -1,6 +1,6 @@
 """Surfaces of a world as textured patches, and their grouping into the parts that are culled.
 
-Walls may have skirting boards and door frames; landmarks are plates on them.
+Walls may have skirting boards and door frames; landmarks are plates on walls.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from navfw.sim.textured_mesh import (
 from navfw.sim.visibility import PartBounds
 
 STRETCHED = "stretched "
-"""What the name of a texture begins with that is stretched over every patch."""
+"""Prefix of the name of a texture that is stretched over each patch."""
 _STAND_OFF = 0.006
 """Distance of a plate from its wall [m]: more than that of the textureless cover of a wall."""
 
 
 def plate_mesh(mark: worldspec.LandmarkPlateSpec) -> TexturedMesh:
-    """The plate as a mesh in the map frame, its image upright as seen from in front of it."""
+    """The plate of ``mark`` as a mesh in ``map``, its image upright as seen from in front of it."""
     right, normal = plate_axes(mark)
     half = 0.5 * plate_side(mark.kind, mark.size)
     middle = np.array([*mark.at, mark.z]) + _STAND_OFF * normal
@@ -52,7 +52,7 @@ def plate_mesh(mark: worldspec.LandmarkPlateSpec) -> TexturedMesh:
 
 
 def plate_bounds(mark: worldspec.LandmarkPlateSpec) -> PartBounds:
-    """The plate's bounds in the plane, with the plane in front of which it is visible."""
+    """The plate's bounds in the plane, and the plane in front of which it is visible."""
     _, normal = plate_axes(mark)
     points = np.array(plate_mesh(mark).vertices)
     plane = (float(normal[0]), float(normal[1]), 0.0, float(product(points[0], normal)))
@@ -60,29 +60,27 @@ def plate_bounds(mark: worldspec.LandmarkPlateSpec) -> PartBounds:
 
 
 def plate_axes(mark: worldspec.LandmarkPlateSpec) -> tuple[Array, Array]:
-    """Unit vectors (3,) in the map: the image's right side as seen from in front; the normal."""
+    """Unit vectors (3,) in ``map``: to the image's right as seen from in front, and the normal."""
     c, s = math.cos(mark.yaw), math.sin(mark.yaw)
     return np.array([-s, c, 0.0]), np.array([c, s, 0.0])
 
 
 _PROUD = 0.01
-"""Distance [m] by which door frames stand out of the faces of their wall."""
+"""Distance [m] by which door frames project from the faces of their wall."""
 _REVEAL = 0.005
-"""Distance [m] by which they reach into the opening, so that no two faces are coplanar."""
+"""Distance [m] by which door frames reach into the opening, so that no two faces are coplanar."""
 _MAX_PARTS = 320
 """Largest number of parts: with more, the visibility test costs more than culling saves."""
 _GROUPINGS = (
     *((by_plane, edge) for by_plane in (True, False) for edge in (4.0, 8.0, 16.0)),
     (False, math.inf),
 )
-"""Whether patches are grouped by plane, and the edge [m] of the squares by which they are.
-
-From many parts to few; the first grouping with few enough counts.
-"""
+"""Whether patches are grouped by plane, and the edge [m] of the squares that group them, from many
+parts to few: the first one with few enough parts is used."""
 _NARROW = 0.4
 """Faces narrower than this [m] are grouped with others regardless of their plane."""
 _PLANE_MARGIN = 1e-5
-"""Distance [m] behind a part's plane from which it still counts as visible, for rounding."""
+"""Distance [m] behind a part's plane at which it still counts as visible, for rounding."""
 _FLOOR_PATCH = 1.0
 """Largest edge of a patch of the floor [m]: large ones near the camera are slow to draw."""
 _NO_SHIFT = np.zeros(2)
@@ -103,7 +101,7 @@ class SurfacePatch:
 
 
 def floor_patches(world: worldspec.WorldSpec) -> Iterator[SurfacePatch]:
-    """Floor and ceiling; no patch crosses the edge of a room or of a drop."""
+    """Yield floor and ceiling; no patch crosses the edge of a room or of a drop."""
     ex, ey, ez = np.eye(3)
     corner = np.array([world.x[0], world.y[0], 0.0])
     height = max([wall.height for wall in world.walls], default=2.4)
@@ -128,14 +126,14 @@ def floor_patches(world: worldspec.WorldSpec) -> Iterator[SurfacePatch]:
 
 
 def drop_patches(world: worldspec.WorldSpec) -> Iterator[SurfacePatch]:
-    """Treads, sides and risers of the drops."""
+    """Yield treads, sides and risers of the drops."""
     for drop in world.drops:
         for tread in solids.treads_of(drop):
             yield from _tread_patches(tread, drop.texture, drop.walls)
 
 
 def wall_patches(world: worldspec.WorldSpec, wall: solids.Solid) -> Iterator[SurfacePatch]:
-    """The faces of one wall piece, each patch with the texture of the room in front of it."""
+    """Yield the faces of one wall piece, each with the texture of the room in front of it."""
     assert isinstance(wall.shape, Rectangle)  # noqa: S101 - walls and lintels are
     corners = wall.shape.corners
     ez = np.array([0.0, 0.0, 1.0])
@@ -234,7 +232,7 @@ def _patch(
 
 
 def solid_patches(solid: solids.Solid) -> Iterator[SurfacePatch]:
-    """A box or cylinder as one patch; its front as another."""
+    """Yield a box or cylinder as one patch, and its front, if it has one, as another."""
     for front in (False, True) if solid.front else (False,):
         mesh = solid_mesh(solid, front=front).placed(solid.centre, solid.shape.yaw)
         yield SurfacePatch(f"{STRETCHED}{solid.front}" if front else solid.texture, mesh)
@@ -244,7 +242,7 @@ def solid_patches(solid: solids.Solid) -> Iterator[SurfacePatch]:
 def solid_mesh(solid: solids.Solid, margin: float = 0.0, front: bool | None = None) -> TexturedMesh:
     """The mesh of a solid around its own centre, enlarged by ``margin`` [m] on all sides.
 
-    It is that of its ``front`` alone or without it, if that is not None.
+    ``front`` True gives only its front, False all but the front, None everything.
     """
     height, shape, shift = solid.height + 2.0 * margin, solid.shape, texture_shift(solid.name)
     if not isinstance(shape, Rectangle):
@@ -266,7 +264,7 @@ def texture_shift(name: str) -> Array:
 
 
 def merged_parts(patches: Sequence[SurfacePatch]) -> Iterable[tuple[str, TexturedMesh, PartBounds]]:
-    """Patches of one texture merged: by plane if that gives few enough parts, else by area."""
+    """Merge patches of one texture: by plane if that gives few enough parts, else by area."""
     for by_plane, edge in _GROUPINGS:
         parts: dict[tuple[object, ...], list[SurfacePatch]] = {}
         for patch in patches:

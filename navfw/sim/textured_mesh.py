@@ -22,22 +22,22 @@ from navfw.numerics.arrays import Floats
 from navfw.sim.textures import TILE
 
 Span = tuple[float, float]
-"""From, to [m]."""
+"""An interval: from, to [m]."""
 
 _MAX_PATCH = 2.0
 """Largest edge of a patch [m]."""
 
 
 _RIM = 1e-3
-"""Part of a stretched texture left out at each side: coordinates beyond it wrap around."""
+"""Share of a stretched texture left out at each edge: coordinates beyond the edge wrap around."""
 _NORMALIZATIONS = 4
-"""TinyRenderer normalises normals at every use; after this many times they are unchanged."""
+"""TinyRenderer normalises normals at every use; after this number they no longer change."""
 
 
 class MeshArrays(NamedTuple):
-    """``points`` (n, 3), each once; ``corners`` (m, 3) of triangles, as indices of points.
+    """The arrays of a mesh: ``points`` (n, 3) without repetition, ``corners`` (m, 3) of triangles.
 
-    ``normals`` (m, 3, 3) and ``uvs`` (m, 3, 2) are those of the corners.
+    Corners are indices of points; ``normals`` (m, 3, 3) and ``uvs`` (m, 3, 2) belong to corners.
     """
 
     points: Floats
@@ -63,7 +63,7 @@ class TexturedMesh:
 
     @property
     def arrays(self) -> MeshArrays:
-        """The arrays that images are drawn from; kept as long as nothing is added."""
+        """The arrays that images are drawn from; cached until something is added."""
         if self._kept is None or self._kept.corners.size != len(self.indices):
             normals = np.array(self.normals, np.float32)
             for _ in range(_NORMALIZATIONS):
@@ -79,13 +79,13 @@ class TexturedMesh:
 
     @property
     def arguments(self) -> dict[str, list[Any]]:
-        """The arguments of PyBullet's createVisualShape for it."""
+        """The mesh as arguments of PyBullet's createVisualShape."""
         names = ("vertices", "indices", "uvs", "normals")
         return {name: getattr(self, name) for name in names}
 
     @classmethod
     def without_area(cls) -> TexturedMesh:
-        """One degenerate triangle: an invisible mesh."""
+        """Make an invisible mesh: one degenerate triangle."""
         points, normals, uvs = [[0.0, 0.0, 0.0]] * 3, [[0.0, 0.0, 1.0]] * 3, [[0.0, 0.0]] * 3
         return cls(points, normals, uvs, [0, 1, 2], uvs)
 
@@ -93,7 +93,7 @@ class TexturedMesh:
         """Add convex polygons: (N, k, 3) corners, counter-clockwise, with normals (N, k, 3).
 
         Texture coordinates (N, k, 2) [m] are shifted by whole periods to be non-negative:
-        TinyRenderer wraps positive ones only.
+        TinyRenderer wraps only positive ones.
         """
         count, sides = corners.shape[:2]
         tiles = uvs / TILE
@@ -107,7 +107,7 @@ class TexturedMesh:
         self.indices += (starts + fan).ravel().tolist()
 
     def placed(self, position: tuple[float, float, float], yaw: float) -> TexturedMesh:
-        """The same mesh, rotated by ``yaw`` [rad] and translated by ``position`` [m]."""
+        """Return the mesh rotated by ``yaw`` [rad] and translated by ``position`` [m]."""
         c, s = math.cos(yaw), math.sin(yaw)
         turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])  # for rows
         vertices = (products.product(np.array(self.vertices), turn) + position).tolist()
@@ -115,7 +115,7 @@ class TexturedMesh:
         return replace(self, vertices=vertices, normals=normals)
 
     def append(self, mesh: TexturedMesh) -> None:
-        """Add another mesh without a transform."""
+        """Add the triangles of another mesh without a transform."""
         first = len(self.vertices)
         self.vertices += mesh.vertices
         self.normals += mesh.normals
@@ -124,13 +124,13 @@ class TexturedMesh:
         self.indices += [first + index for index in mesh.indices]
 
     def stretched(self) -> TexturedMesh:
-        """The same quadrangles, each with the whole of a texture once."""
+        """Return the same quadrangles, each with the whole of a texture once."""
         low, high = _RIM, 1.0 - _RIM
         corners = [[low, low], [high, low], [high, high], [low, high]]
         return replace(self, uvs=corners * (len(self.vertices) // 4), shifts=[])
 
     def with_period(self, width: float, height: float) -> TexturedMesh:
-        """The same mesh for a texture that covers ``width`` x ``height`` [m] instead of a tile."""
+        """Return the mesh for a texture that covers ``width`` x ``height`` [m], not a tile."""
         tiles = (np.array(self.uvs) + self.shifts) * (TILE / width, TILE / height)
         tiles -= np.floor(tiles.min(axis=0))
         return replace(self, uvs=tiles.tolist(), shifts=[])
@@ -162,7 +162,7 @@ def _face_coordinates(points: Array, normal: Array) -> Array:
 def split_positions(
     length: float, at: list[float] | None = None, longest: float = _MAX_PATCH
 ) -> Array:
-    """Ascending positions [m] from 0 to ``length``: those of ``at``, spaced ``longest`` at most."""
+    """Divide 0 to ``length`` [m] at the positions ``at``, in parts of at most ``longest`` [m]."""
     cuts = [0.0, *sorted(c for c in at or [] if 1e-3 < c < length - 1e-3), length]
     parts = [
         np.linspace(low, high, math.ceil((high - low) / longest - 1e-9) + 1)[:-1]
@@ -175,7 +175,7 @@ def split_positions(
 def box_mesh(
     size: tuple[float, float, float], shift: Array, faces: Iterable[int] = range(5)
 ) -> TexturedMesh:
-    """A box around its origin with edges x, y, z [m], without its underside.
+    """Make a box around the origin with edges x, y, z [m], without its underside.
 
     ``faces`` are 0 to 3 for its sides, the even ones along x, and 4 for its top.
     """
@@ -198,7 +198,7 @@ def box_mesh(
 
 
 def cylinder_mesh(radius: float, height: float, shift: Array, sides: int = 24) -> TexturedMesh:
-    """An upright cylinder around its origin [m], without its underside."""
+    """Make an upright cylinder around the origin [m], without its underside."""
     mesh = TexturedMesh()
     angles = np.linspace(0.0, 2.0 * math.pi, sides + 1)
     ring = np.stack([np.cos(angles), np.sin(angles), np.zeros(sides + 1)], axis=1)
@@ -223,7 +223,7 @@ def side_count(radius: float) -> int:
 
 
 def triangle_mesh(corners: Array, shift: Array) -> TexturedMesh:
-    """Flat triangles (N, 3, 3) [m], each with the texture along the plane nearest to its own."""
+    """Make flat triangles (N, 3, 3) [m], each textured along the nearest coordinate plane."""
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.linalg.norm(normals, axis=1)
     corners, normals = corners[lengths > 0.0], normals[lengths > 0.0]

@@ -29,7 +29,7 @@ from navfw.sim.worldspec import TextureSpec
 TILE = 2.0
 """Period of a pattern: edge of the square that it covers [m]."""
 RESOLUTION = 512
-"""Texels along that edge: 4 mm each, half a pixel at 0.6 m with a focal length of 80 px."""
+"""Texels along a tile's edge: 4 mm each, half a pixel at 0.6 m with a focal length of 80 px."""
 _MAX_WAVELENGTH = 1.0
 """Longest wavelength [m]: longer ones do not help the correlation of a 24 px window."""
 
@@ -165,7 +165,7 @@ _LUMA = np.array([0.299, 0.587, 0.114])
 """Weights of red, green and blue in the luminance (Rec. 601)."""
 
 _MAX_KEPT = 32
-"""Number of textures that are kept: those of a world, for the next run in it, at 0.8 MB each."""
+"""Number of textures kept in memory for the next run, 0.8 MB each."""
 
 STOCK: Mapping[str, TextureSpec] = MappingProxyType(
     {
@@ -183,7 +183,7 @@ STOCK: Mapping[str, TextureSpec] = MappingProxyType(
 
 @lru_cache(maxsize=_MAX_KEPT)
 def synthesize(spec: TextureSpec) -> Image:
-    """The texture as a read-only, periodic image (RESOLUTION, RESOLUTION, 3) uint8, RGB.
+    """Make the texture as a read-only, periodic image (RESOLUTION, RESOLUTION, 3) uint8, RGB.
 
     Its luminance has about the specified mean and standard deviation. The tails are compressed, not
     clipped: hard edges would add detail beyond the cutoff.
@@ -257,12 +257,12 @@ _MAX_PIXELS = 4_000_000
 _MAX_ASPECT = 20.0
 """Largest ratio of a picture's sides."""
 _MAX_TEXELS = 2048
-"""Largest number of texels along an edge; a wider picture has texels of more than 4 mm."""
+"""Largest number of texels along an edge; a wider picture has texels larger than 4 mm."""
 
 
 @cached_by_files(16)
 def read_picture(path: str) -> Image:
-    """The picture in a file, read-only (height, width, 3) uint8, RGB.
+    """Read the picture in a file: read-only (height, width, 3) uint8, RGB.
 
     Raises:
         ConfigError: the file cannot be read, is no PNG or JPEG image, is damaged, has more than
@@ -280,7 +280,7 @@ def read_picture(path: str) -> Image:
 
 
 def covered_area(picture: Image, size: float | None) -> tuple[float, float]:
-    """Width and height [m] of a picture that is ``size`` [m] wide; none: as wide as a tile."""
+    """Width and height [m] that a picture covers; ``size`` [m] is the width (None: a tile's)."""
     width = TILE if size is None else size
     return width, width * picture.shape[0] / picture.shape[1]
 

@@ -1,8 +1,8 @@
-"""Upright solids for a mesh: rectangles and circles, each from a bottom to a top.
+"""Converts a mesh to upright solids: rectangles and circles, each from a bottom to a top.
 
-The mesh is cut at the heights of its corners. What it covers between two of them is drawn on a
-grid; each connected region becomes the rectangle or circle that it fills, or several rectangles
-(``plan_walls``). A closed surface is solid inside, an open one as thin as it is.
+The mesh is cut at the heights of its corners. The area that it covers between two of them is drawn
+on a grid; each connected region becomes the rectangle or circle that it fills, or several
+rectangles (``plan_walls``). A closed surface is solid inside, an open one as thin as it is.
 """
 
 from __future__ import annotations
@@ -29,26 +29,26 @@ MAX_PARTS = 4000
 _CELL = 0.02
 """Edge of a cell [m]."""
 _CELLS = 600
-"""Cells along the longer side of a mesh that is too large for cells of that size."""
+"""Number of cells along the longer side of a mesh that is too large for cells of that size."""
 _TOO_MANY = f"becomes more than {MAX_PARTS} solids; simplify the mesh"
 _LAYERS = 32
 """Largest number of layers: a curved surface is cut at evenly spaced heights."""
 _WITHIN = (0.1, 0.5, 0.9)
 """Heights of the cuts within a layer, as shares of its height."""
 _MIN_THICKNESS = 0.02
-"""Least size of a solid [m]: a surface without volume gets it."""
+"""Smallest size of a solid [m], given to a surface without volume."""
 _SAME = 1e-5
-"""Corners nearer than this [m] are one."""
+"""Distance [m] below which corners are merged."""
 _LEVEL = 0.01
-"""Corners whose heights differ by less [m] bound one layer."""
+"""Smallest difference in height [m] of corners that bound different layers."""
 _TOP = 20.0
 """Height [m] above which nothing is kept: worlds end there."""
 _BORDER = 4
-"""Free cells around a region."""
+"""Number of free cells around a region."""
 _NEIGHBOURS = np.ones((3, 3), np.uint8)
 """A cell and those around it."""
 _FILLED = 0.97
-"""Share of its convex hull, or a hull's of its rectangle, from which both count as the same."""
+"""Share of its convex hull, or of a hull's rectangle, at which a region counts as filling it."""
 _ROUND = 0.93
 """Share of its circle that a round hull covers: that of a polygon of 10 corners."""
 
@@ -57,7 +57,7 @@ _ROUND = 0.93
 class UprightPart:
     """A solid with the outline ``shape`` from ``bottom`` to ``top`` [m].
 
-    In a world it has a ``name``, and the number of the ``mesh`` that it is a part of; 0: of none.
+    In a world it has a ``name``, and the number of the ``mesh`` that it is part of; 0 if of none.
     """
 
     shape: Shape
@@ -124,10 +124,10 @@ class _Layer:
 
 @cached_by_files(64)
 def furniture_parts(file: str, scale: float, up: Up) -> tuple[UprightPart, ...]:
-    """The parts of the furniture in a file, in its own axes [m].
+    """Convert the furniture in a file to upright parts, in its own axes [m].
 
     Raises:
-        ConfigError: as ``furniture_mesh``.
+        ConfigError: the file cannot be used (``furniture_mesh``).
         WorldError: there would be too many.
 
     """
@@ -142,9 +142,9 @@ def furniture_parts(file: str, scale: float, up: Up) -> tuple[UprightPart, ...]:
 
 
 def mesh_solids(triangles: Array) -> list[UprightPart]:
-    """Solids that cover triangles (n, 3, 3) [m] between the floor, z = 0, and 20 m.
+    """Convert triangles (n, 3, 3) [m] to solids that cover them between the floor, z = 0, and 20 m.
 
-    Outlines are met within a cell of 2 cm, or a 600th of a mesh above 12 m.
+    Outlines are accurate to a cell of 2 cm, or to a 600th of a mesh above 12 m.
 
     Raises:
         WorldError: there would be too many.

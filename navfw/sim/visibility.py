@@ -1,8 +1,8 @@
-"""Visibility culling: the parts of a world that need not be drawn from a viewpoint.
+"""Visibility culling: finds the parts of a world that need not be drawn from a viewpoint.
 
-A part is culled outside the field of view, and behind walls that nothing overtops;
-both are tests of plane geometry. A part counts as occluded only if walls entirely in front of it
-cover its whole range of bearings: the image is the same with and without it.
+A part is culled outside the field of view, and behind walls that nothing overtops; both are tests
+of plane geometry. A part counts as occluded only if walls entirely in front of it cover its whole
+range of bearings: the image is the same with and without it.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class PartBounds:
 
 
 class Visibility:
-    """Finds the visible ones of ``parts`` among occluding ``walls`` of ``height`` [m]."""
+    """Finds which of ``parts`` are visible among occluding ``walls`` of ``height`` [m]."""
 
     def __init__(
         self, walls: Sequence[Rectangle], height: float, parts: Sequence[PartBounds]
@@ -66,7 +66,7 @@ class Visibility:
         self._planes = np.array([p.plane for p in parts]).reshape(-1, 4)
 
     def visible(self, eye: Array, middle: float, half: float) -> Mask:
-        """(N,) whether each part may be visible from ``eye`` (x, y, z) [m].
+        """(N,) whether each part may be visible from ``eye`` (x, y, z) [m, ``map``].
 
         The field of view extends ``half`` [rad] to both sides of the bearing ``middle`` [rad].
         """
@@ -78,9 +78,9 @@ class Visibility:
 def field_of_view(axes: Array, right: float, down: float) -> tuple[float, float]:
     """Middle bearing and half width [rad] of a camera's field of view in the plane.
 
-    ``axes`` (3, 3) are the camera's (right, down, ahead) in the map, by columns; ``right`` and
-    ``down`` half the image's size in focal lengths. The half width is pi if the vertical is within
-    the field of view.
+    ``axes`` (3, 3) are the camera's (right, down, ahead) in ``map``, by columns; ``right`` and
+    ``down`` half the image's size in focal lengths. The half width is pi if the vertical direction
+    is within the field of view.
     """
     middle = math.atan2(axes[1, 2], axes[0, 2])
     length = max(math.hypot(axes[0, 2], axes[1, 2]), 1e-12)

@@ -1,7 +1,7 @@
-"""What moves and changes in a world during a mission: moving obstacles, doors, boxes, textures.
+"""Moving obstacles, doors, boxes and textures that change in a world during a mission.
 
 A walker follows its path at constant speed, deterministic in simulated time, and nothing stops it.
-One that yields waits as long as the robot is close in front of it, then continues.
+A walker that yields waits as long as the robot is close in front of it, then continues.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from navfw.sim.solids import Solid, drop_under, solids_of
 from navfw.sim.worldspec import WalkerSpec, WorldSpec
 
 _YIELD_DISTANCE = 0.6
-"""A walker that yields waits when the gap to the robot in front of it is at most this [m]."""
+"""Largest gap [m] to a robot in front of it at which a yielding walker waits."""
 
 _YIELD_MARGIN = 0.15
-"""Margin [m] to either side of the lane, as wide as both bodies, that counts as in front."""
+"""Margin [m] on either side of a lane as wide as both bodies that counts as in front."""
 
 CLOSING_SPEED, CLOSING_TIME = 0.05, 1.0
-"""The robot causes a contact when it approaches the walker faster than this [m/s], or has closed
-more of the distance than the walker over this time [s]."""
+"""The robot causes a contact if it approaches the walker faster than this [m/s], or if it has
+closed more of the distance than the walker over this time [s]."""
 
 
 class Walker:
-    """A moving obstacle: ``x``, ``y`` [m], ``heading`` [rad], and whether it is ``waiting``."""
+    """A moving obstacle at ``x``, ``y`` [m], ``heading`` [rad] in ``map``; may be ``waiting``."""
 
     def __init__(self, spec: WalkerSpec) -> None:
         self.spec = spec
@@ -57,7 +57,7 @@ class Walker:
         return self._starts[-1]
 
     def pose_at(self, travelled: float) -> tuple[float, float, float]:
-        """(x, y [m], heading [rad]) after ``travelled`` [m]; any number of rounds."""
+        """x, y [m] and heading [rad] after ``travelled`` [m] of path, over any number of rounds."""
         travelled %= self.length
         i = min(bisect_right(self._starts, travelled), len(self._corners) - 1) - 1
         (ax, ay), (bx, by) = self._corners[i], self._corners[i + 1]
@@ -66,7 +66,7 @@ class Walker:
         return ax + share * (bx - ax), ay + share * (by - ay), math.atan2(by - ay, bx - ax)
 
     def update_waiting(self, robot: Pose, radius: float) -> None:
-        """Set ``waiting`` by the pose and ``radius`` [m] of the robot."""
+        """Set ``waiting`` for the robot's true pose and ``radius`` [m], if the spec ``yields``."""
         if not self.spec.yields:
             return
         dx, dy = robot.x - self.x, robot.y - self.y
@@ -86,7 +86,7 @@ class Walker:
 
 
 def caused_by_robot(before: Pose, after: Pose, dt: float, walker: Walker) -> bool:
-    """Whether the robot's motion, from one pose to the next in ``dt`` [s], approached the walker.
+    """Whether the robot, moving from one pose to the next in ``dt`` [s], approached the walker.
 
     A robot that stands, moves away or passes by does not cause the contact.
     """
@@ -99,7 +99,7 @@ def caused_by_robot(before: Pose, after: Pose, dt: float, walker: Walker) -> boo
 
 
 def closed_by_robot(robot: Array, walker: Array) -> bool:
-    """Whether the robot's motion closed more of the distance between them than the walker's.
+    """Whether the robot's motion closed more of their distance than the walker's motion did.
 
     ``robot`` and ``walker`` (n, 2) are positions [m] at the same times.
     """
@@ -113,7 +113,7 @@ def closed_by_robot(robot: Array, walker: Array) -> bool:
 class WalkerTrack:
     """Positions of walkers: ``time`` (T,) [s] ascending, ``points`` (T, M, 2), ``radii`` (M,) [m].
 
-    Together with ``SceneGeometry``, the static solids, this is the geometry at any time.
+    With ``SceneGeometry``, which has the static solids, it gives the geometry at any time.
     """
 
     names: tuple[str, ...]
@@ -155,7 +155,7 @@ class Presence:
 
 @dataclass(frozen=True, slots=True)
 class ChangeTrack:
-    """The solids that were present during part of a run only; static ones: ``SceneGeometry``."""
+    """The solids that were present only during part of a run; ``SceneGeometry`` has static ones."""
 
     presences: tuple[Presence, ...]
 
@@ -179,9 +179,9 @@ WorldChange = DoorChange | Obstacle | Textureless
 
 
 class WorldChanges:
-    """Applies the active changes to the physics world; the newest change of a door counts.
+    """Applies the active changes to the physics world; of a door's changes the newest counts.
 
-    ``settled`` is false while a change is pending: until the robot is clear of its place, or until
+    ``settled`` is False while a change is pending: until the robot is clear of its place, or until
     an obstacle ahead of the robot has floor under it.
     """
 
@@ -210,7 +210,7 @@ class WorldChanges:
         self._made.append(made)
 
     def end(self, change: WorldChange) -> None:
-        """Deactivate a change: remove the cover; ``update`` restores doors, removes obstacles."""
+        """Deactivate a change: remove a cover now; ``update`` restores doors, removes obstacles."""
         index = self._active.index(change)
         self._active.pop(index)
         made = self._made.pop(index)
@@ -220,7 +220,7 @@ class WorldChanges:
     def update(self, time: float, robot: Pose, radius: float) -> None:
         """Insert and remove solids as the active changes require, at ``time`` [s].
 
-        ``robot`` is the true pose and ``radius`` [m] that of the robot.
+        ``robot`` is the robot's true pose and ``radius`` [m] its radius.
         """
         state = {door.name: door.state for door in self._world.doors}
         wanted: dict[str, Solid] = {}

@@ -1,4 +1,4 @@
-"""Checks of a world specification that its schema cannot make: names, references, geometry."""
+"""Checks of a world specification beyond its schema: names, references, geometry."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ Problem = tuple[KeyPath, str]
 _DEPTH_TOLERANCE = 0.03
 """Distance [m] by which a plate's ends may stand off the supporting face, or lie inside it."""
 _MIN_HEIGHT = 0.02
-"""Lowest height of a plate's lower edge above the floor [m]."""
+"""Smallest height of a plate's lower edge above the floor [m]."""
 _ON_FLOOR = 0.05
-"""A solid whose underside is lower than this [m] needs floor under it."""
+"""Height [m] of a solid's underside below which it needs floor under it."""
 _SUNKEN = 0.005
 """Largest depth [m] of a mesh below the floor: modelled feet are not exactly level."""
 
@@ -130,7 +130,7 @@ def check_world(
 ) -> None:
     """Check names, references and geometry of a world.
 
-    ``line_of`` gives the line of a key in ``file``.
+    ``file`` and ``line_of``, which gives the line of a key in it, locate the errors.
 
     Raises:
         WorldError: with file, line and key of the first problem; its message lists the others.

@@ -1,4 +1,4 @@
-"""Reading a world file: parse YAML, validate against the specification, check the geometry."""
+"""Loads a world file: parses YAML, validates it against the specification, checks the geometry."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from navfw.sim.worldspec import WorldSpec
 
 _SOLIDS, _LENGTHS = ("walls", "boxes", "cylinders"), ("at", "size", "points", "radius")
 _MAX_RATIO = 5.0
-"""Largest ratio of a length to the longer side of the floor: beyond, units are mistaken."""
+"""Largest ratio of a length to the longer side of the floor; beyond it, units seem mistaken."""
 
 
 def load_world(path: str | Path) -> WorldSpec:

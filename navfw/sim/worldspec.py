@@ -1,4 +1,4 @@
-"""Specification of a world: the data models of ``world.yaml``.
+"""The specification of a world: the data models of ``world.yaml``.
 
 ``navfw.sim.world_check`` checks names and geometry, ``navfw.sim.worldfile`` reads a file.
 """
@@ -28,12 +28,12 @@ Interval = Annotated[tuple[Coordinate, Coordinate], AfterValidator(_ascending)]
 Extent = Annotated[float, Field(ge=0.02, le=100.0)]
 Name = Annotated[str, Field(min_length=1, max_length=60)]
 Slope = Annotated[float, Field(ge=-1000.0, le=1000.0)]
-"""Only the direction of such a vector counts."""
+"""A component of a vector of which only the direction counts."""
 Channel = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
 MAX_CONTRAST = 60.0
-"""Largest contrast of a texture [grey levels]: more is clipped at black and white."""
+"""Largest contrast of a texture [grey levels]: more would be clipped at black and white."""
 
 Style = Literal[
     "plaster",
@@ -47,13 +47,13 @@ Style = Literal[
     "rug",
     "roughcast",
 ]
-"""Patterns of textures."""
+"""Names of the patterns of textures."""
 
 Look = Literal["plain", "photo"]
-"""Looks of generated worlds (see ``navfw.worldgen.looks``)."""
+"""Names of the looks of generated worlds (see ``navfw.worldgen.looks``)."""
 
 Role = Literal["floor", "wall", "ceiling", "thing", "person"]
-"""What a texture is used for."""
+"""The kind of surface that a texture is used for."""
 
 
 class TextureSpec(StrictModel):
@@ -225,7 +225,7 @@ class MeshSpec(StrictModel):
 class WalkerSpec(StrictModel):
     """A moving obstacle: an upright cylinder that follows a path (kinematic, nothing stops it).
 
-    One that ``yields`` waits while the robot is close in front of it.
+    If it ``yields``, it waits while the robot is close in front of it.
     """
 
     name: Name
@@ -314,8 +314,8 @@ class DropSpec(StrictModel):
 class LightSpec(StrictModel):
     """A directional and an ambient light; their sum is about 1 for a well exposed image.
 
-    Soft light comes from straight above, whatever the direction; surfaces are darker where walls,
-    furniture and floor meet.
+    With ``soft``, light comes from straight above, whatever the direction; surfaces are darker
+    where walls, furniture and floor meet.
     """
 
     soft: Annotated[bool, Field(description="whether light from above has soft shadows")] = False
@@ -371,7 +371,7 @@ class WorldSpec(StrictModel):
     ] = False
 
     def texture_uses(self) -> Iterator[tuple[KeyPath, str, Role]]:
-        """The textures of all surfaces: the keys that name them, their names and roles."""
+        """Yield the textures of all surfaces: the key that names each, its name and role."""
         yield ("floor",), self.floor, "floor"
         if self.ceiling is not None:
             yield ("ceiling",), self.ceiling, "ceiling"
