@@ -1,4 +1,4 @@
-"""One YAML file as plain data, with the line of each of its parts."""
+"""A YAML file as plain data, with the line of each of its parts."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from navfw.errors import ConfigError, InputError, locating
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a value comes from: a line of a file, or an option of the command line."""
+    """The source of a value: a line of a file, or an option of the command line."""
 
     file: str | None = None
     line: int | None = None
@@ -26,8 +26,8 @@ class Origin:
 class YamlDocument:
     """The content of a YAML file and the origin of each of its parts.
 
-    ``data`` is plain: dicts with str keys, lists, and scalars. Mapping keys are text as written,
-    so a room called ``101`` stays ``"101"``.
+    ``data`` is plain: dicts with str keys, lists, and scalars. Mapping keys are text as written, so
+    a room called ``101`` stays ``"101"``.
     """
 
     file: str | None
@@ -35,7 +35,7 @@ class YamlDocument:
     origins: Mapping[KeyPath, Origin] = field(default_factory=lambda: MappingProxyType({}))
 
     def origin_of(self, path: KeyPath) -> Origin:
-        """The origin of ``path``, or of its nearest enclosing part that is known."""
+        """Return the origin of ``path``, or of its nearest enclosing part that is known."""
         for end in range(len(path), -1, -1):
             origin = self.origins.get(path[:end])
             if origin is not None:
@@ -43,7 +43,7 @@ class YamlDocument:
         return Origin(self.file)
 
     def line_of(self, path: KeyPath) -> int | None:
-        """The 1-based line of ``path`` or its nearest enclosing key; None where no line is known.
+        """The 1-based line of ``path`` or its nearest enclosing key; None if no line is known.
 
         >>> parse_yaml("rooms: {lobby: 1}", "w.yaml").line_of(("rooms", "lobby", "name"))
         1
@@ -53,16 +53,16 @@ class YamlDocument:
     def locating(
         self, path: KeyPath, key: str = "", only: type[InputError] = InputError
     ) -> AbstractContextManager[None]:
-        """Give errors in the block, ``only`` those of a class, the place of ``path`` in the file.
+        """Context that adds file, line and key of ``path`` to errors of the class ``only``.
 
-        ``key`` is shown instead of the path, an option that has set the value instead of both.
+        ``key`` is shown instead of the path; if an option has set the value, the option is shown.
         """
         origin = self.origin_of(path)
         shown = origin.option or key or key_text(path)
         return locating(file=origin.file, line=origin.line, key=shown, only=only)
 
     def at(self, path: KeyPath) -> Data:
-        """The data at ``path``; None where there is nothing."""
+        """Return the data at ``path``; None if there is none."""
         node = self.data
         for step in path:
             try:
@@ -84,7 +84,7 @@ def load_yaml(path: str | Path) -> YamlDocument:
 
 
 def parse_mapping(text: str, file: str) -> YamlDocument:
-    """``text`` as a document whose root is a mapping; raises as ``load_yaml``."""
+    """Parse ``text`` as a document whose root is a mapping; raises the errors of ``load_yaml``."""
     document = parse_yaml(text, file)
     if document.data is None:
         raise ConfigError("the file is empty; expected a mapping ('key: value' lines)", file=file)
@@ -97,10 +97,10 @@ def parse_mapping(text: str, file: str) -> YamlDocument:
 
 
 def parse_yaml(text: str, file: str | None = None) -> YamlDocument:
-    """``text`` as a document; unlike ``load_yaml`` it accepts any root.
+    """Parse ``text`` as a document; unlike ``load_yaml`` it accepts any root.
 
     Raises:
-        ConfigError: as ``read_yaml_text``.
+        ConfigError: ``text`` is not YAML (``read_yaml_text``).
 
     """
     data, lines = read_yaml_text(text, file)

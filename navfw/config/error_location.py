@@ -1,6 +1,6 @@
-"""The types, bounds and defaults of pydantic fields in words, and the places of errors in files.
+"""Describes types, bounds and defaults of pydantic fields, and finds the places of errors in files.
 
-From the location in a pydantic error follow the key in the file and the type expected there.
+From the location in a pydantic error it derives the key in the file and the type expected there.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _PLAIN: Mapping[Any, str] = {
 
 
 class Parameter(NamedTuple):
-    """One field of a parameter model, for listings.
+    """A field of a parameter model, for listings.
 
     ``type`` is in Python's notation, ``default`` plain JSON data, ``bounds`` in words.
     """
@@ -45,7 +45,7 @@ class Parameter(NamedTuple):
 
 
 def peel(annotation: Any) -> tuple[Any, tuple[Any, ...]]:
-    """``annotation`` without its ``Annotated`` layers; their metadata."""
+    """Return ``annotation`` without its ``Annotated`` layers, and their metadata."""
     metadata: tuple[Any, ...] = ()
     while get_origin(annotation) is Annotated:
         annotation, *extra = get_args(annotation)
@@ -56,7 +56,7 @@ def peel(annotation: Any) -> tuple[Any, tuple[Any, ...]]:
 
 
 def members_of(annotation: Any) -> tuple[Any, ...]:
-    """The members of a union, nested ones flattened; for another type, the type alone."""
+    """Return the members of a union, nested ones flattened; of another type, the type itself."""
     bare, _ = peel(annotation)
     if get_origin(bare) in {Union, types.UnionType}:
         return tuple(part for arg in get_args(bare) for part in members_of(arg))
@@ -69,7 +69,7 @@ def is_model(annotation: Any) -> bool:
 
 
 def choices_of(annotation: Any) -> list[str]:
-    """The values that a Literal or an Enum allows, as text; empty for other types."""
+    """List the values that a Literal or an Enum allows, as text; empty for other types."""
     bare, _ = peel(annotation)
     if get_origin(bare) is Literal:
         return [str(a.value if isinstance(a, enum.Enum) else a) for a in get_args(bare)]
@@ -79,7 +79,7 @@ def choices_of(annotation: Any) -> list[str]:
 
 
 def describe(annotation: Any, metadata: Iterable[Any] = ()) -> str:
-    """A type in words with its bounds: ``a number > 0``, ``a list of 2 numbers``."""
+    """Describe a type with its bounds in words: ``a number > 0``, ``a list of 2 numbers``."""
     members = members_of(annotation)
     if len(members) == 1:
         return _describe_one(annotation, tuple(metadata))
@@ -147,7 +147,7 @@ def _bounds_of(metadata: Iterable[Any]) -> str:
 
 
 def parameters_of(model: type[BaseModel]) -> list[Parameter]:
-    """Every field of ``model``: name, type, default, bounds and description."""
+    """List every field of ``model``: name, type, default, bounds and description."""
     return [_parameter(name, info) for name, info in model.model_fields.items()]
 
 
@@ -218,20 +218,20 @@ class ExpectedType:
 
 @dataclass
 class ErrorLocation:
-    """Where an error is in the document, and what the model expects there."""
+    """The place of an error in a document, and the type that the model expects there."""
 
     data: Any
     expected: ExpectedType
     path: KeyPath = ()
     certain: bool = True
-    """False where the types of the model could not be followed down to ``path``."""
+    """False if the types of the model could not be followed down to ``path``."""
     known_keys: tuple[str, ...] = ()
     """The keys of the enclosing model."""
     unions: dict[KeyPath, tuple[str, ExpectedType]] = field(default_factory=dict)
-    """The unions along ``path``: the label of the member in the location, and the union."""
+    """The unions along ``path``: the label of the chosen member, and the union."""
 
     def follow(self, step: str | int) -> None:
-        """Go on by one step of pydantic's location."""
+        """Go one step farther along pydantic's location."""
         self._unwrap()
         if not self.certain:
             self._guess(step)

@@ -1,4 +1,4 @@
-"""Optional parts of navfw: whatever needs one that is not installed says how to get it."""
+"""Optional parts of navfw: if one is not installed, the error says how to install it."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from navfw.errors import MissingExtraError
 
 @contextmanager
 def extra_imports(extra: str, *, key: str | None = None) -> Iterator[None]:
-    """Import modules of an extra of ``pyproject.toml`` in the body, and nothing else.
+    """Context for importing modules of an extra of ``pyproject.toml``, and nothing else.
 
-    ``key`` says what needs them: a command, an option or a plugin.
+    ``key`` names the command, option or plugin that needs them.
 
     Raises:
         MissingExtraError: one of the modules is not installed.
@@ -27,10 +27,10 @@ def extra_imports(extra: str, *, key: str | None = None) -> Iterator[None]:
 
 
 def require_extra(extra: str, module: str, *, key: str | None = None) -> None:
-    """Check that ``module`` of an extra is installed, before work that imports it at its end.
+    """Check that ``module`` of an extra is installed, before long work that imports it at the end.
 
     Raises:
-        MissingExtraError: it is not installed.
+        MissingExtraError: the module is not installed.
 
     """
     if find_spec(module) is None:
@@ -38,7 +38,7 @@ def require_extra(extra: str, module: str, *, key: str | None = None) -> None:
 
 
 def pybullet_version() -> str:
-    """The release of PyBullet that is installed; of its fork with the fork's name."""
+    """The installed release of PyBullet, with the name of its fork if it is the fork."""
     for name in ("pybullet", "pybullet-arm64"):
         try:
             version = metadata.version(name)

@@ -1,7 +1,7 @@
 """The kinds of files that people write, in one table: a further kind is one entry here.
 
 An entry says where a project has such files and names, as ``module:name``, what describes, loads
-and checks them. These are imported when they are needed, so that names are found quickly.
+and checks them. These are imported only when needed, so that names are found quickly.
 """
 
 from __future__ import annotations
@@ -17,13 +17,12 @@ from typing import Any
 class FileKind:
     """A kind of file.
 
-    ``pattern`` is where a project has such files, and ``also_in`` further folders; navfw's own are
-    in ``room``, a folder of the package, where one is given. ``model`` is the pydantic model of
-    their content, ``key`` a top-level key that only they have, ``title`` how messages call them.
-
-    ``load`` is a function of a path that raises an InputError where the file is wrong; ``check``,
-    in its place, one of a path and the plugins, for what depends on more than the file.
-    ``plural`` is the word for them in ``navfw list``, which shows the ``columns`` besides the
+    ``pattern`` says where a project has such files, ``also_in`` names further folders; navfw's own
+    are in ``room``, a folder of the package, if it is given. ``model`` is the pydantic model of
+    their content, ``key`` a top-level key that only they have, ``title`` their name in messages.
+    ``load`` is a function of a path that raises an InputError if the file is wrong; ``check``,
+    which replaces it if a check needs more than the file, is a function of the path and the
+    plugins. ``plural`` is their name in ``navfw list``, which shows the ``columns`` besides the
     description.
     """
 
@@ -41,12 +40,12 @@ class FileKind:
 
     @property
     def folders(self) -> tuple[str, ...]:
-        """The names of folders that have the files, such as ``maps``; none for worlds."""
+        """The names of folders that have such files, such as ``maps``; empty for worlds."""
         return () if self.file_name else (self.pattern.split("/")[-2], *self.also_in)
 
     @property
     def patterns(self) -> list[str]:
-        """The patterns of the files in a project, and in each folder on the way to them."""
+        """Patterns of such files, relative to a project and to each folder on the path to them."""
         parts = self.pattern.replace("*.yaml", "*").split("/")
         whole = len(parts) if self.file_name else len(parts) - 1
         tails = ["/".join(parts[first:]) for first in range(whole)]
@@ -54,12 +53,12 @@ class FileKind:
 
     @property
     def file_name(self) -> str | None:
-        """The name that all files of the kind have: ``world.yaml``; None where they differ."""
+        """The name that all such files have: ``world.yaml``; None if names differ."""
         name = self.pattern.split("/")[-1]
         return None if "*" in name else name
 
     def schema(self) -> dict[str, Any]:
-        """The JSON Schema: keys, types and bounds."""
+        """The JSON Schema of such files: keys, types and bounds."""
         model = _imported(self.model)
         about = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
         return {**about, **model.model_json_schema()}

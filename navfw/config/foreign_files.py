@@ -57,7 +57,7 @@ def parse_xml(content: bytes, name: str, what: str) -> Element:
 
 
 def line_of(element: Element) -> int:
-    """The line [from 1] of an element in its file."""
+    """Return the line of an element in its file, counted from 1."""
     return int(element.get(_LINE, "1"))
 
 

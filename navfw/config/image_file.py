@@ -1,4 +1,4 @@
-"""Image files: size in bytes and pixels is checked before anything is decoded."""
+"""Reads image files; their size in bytes and pixels is checked before anything is decoded."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from navfw.errors import ConfigError
 from navfw.process.process_resources import redirected
 
 MAX_PIXELS = 64_000_000
-"""Largest number of pixels of an image: telephones take 12 to 50 megapixels."""
+"""Largest number of pixels of an image: phones take 12 to 50 megapixels."""
 
 _DAMAGED = re.compile(
     rb"bad Huffman code|premature end of data|([3-9][0-9]|[0-9]{3,}) extraneous bytes"
 )
-"""What libjpeg says when it makes up pixels, and decodes the image all the same. A few extraneous
-bytes are a harmless habit of some cameras."""
+"""Warnings of libjpeg when it invents pixels and decodes the image nevertheless. A few extraneous
+bytes are harmless: some cameras write them."""
 _NETPBM = re.compile(rb"(P[2356](?:(?:\s|#[^\n]*\n)+\d+){2}(?:\s|#[^\n]*\n)+)(\d+)")
-"""The head of a PGM or PPM file up to its largest value."""
+"""The header of a PGM or PPM file up to its largest value."""
 _REFUSED = {
     **dict.fromkeys((b"heic", b"heix", b"hevc", b"heim", b"heis", b"mif1", b"msf1"), "a HEIC"),
     **dict.fromkeys((b"avif", b"avis"), "an AVIF"),
@@ -40,10 +40,10 @@ def read_image(
     flags: int = cv2.IMREAD_COLOR,
     max_pixels: int = MAX_PIXELS,
 ) -> npt.NDArray[np.uint8 | np.uint16]:
-    """The image in a file, decoded by OpenCV with ``flags`` (default: BGR, 8 bits).
+    """Read the image in a file, decoded by OpenCV with ``flags`` (default: BGR, 8 bits).
 
     Raises:
-        ConfigError: the file cannot be read, is no image, is damaged or too large.
+        ConfigError: the file cannot be read, is not an image, is damaged or too large.
 
     """
     return decode_image(read_input(path), shown_path(Path(path)), flags, max_pixels)
@@ -52,10 +52,10 @@ def read_image(
 def decode_image(
     data: bytes, name: str, flags: int = cv2.IMREAD_COLOR, max_pixels: int = MAX_PIXELS
 ) -> npt.NDArray[np.uint8 | np.uint16]:
-    """The image in the content ``data`` of a file called ``name``; see ``read_image``.
+    """Decode ``data``, the content of a file called ``name``, as ``read_image`` does.
 
     Raises:
-        ConfigError: it is no image, is damaged or too large; the message has ``name``.
+        ConfigError: it is not an image, is damaged or too large; the message has ``name``.
 
     """
     width, height = _declared_size(data, name)

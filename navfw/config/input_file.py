@@ -1,8 +1,8 @@
-"""The one way to open a file that a person names or edits: regular files of bounded size.
+"""The only way to open a file that a person names or edits: regular files of bounded size.
 
 A device, pipe or socket has no end and may block, so the kind and size of the file are checked
-before anything is read. ``tests/config/test_config_input_file.py`` asserts
-that no other module opens an input by itself.
+before anything is read. ``tests/config/test_config_input_file.py`` asserts that no other module
+opens an input by itself.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ MAX_TEXT = 50_000_000
 """Largest text that is read [byte]: an hour of poses at 100 Hz, or any map, world and result."""
 
 MAX_BYTES = 1 << 28
-"""Largest file of another kind that is read as a whole [byte]: images, meshes, jobs, scripts."""
+"""Largest file of other kinds that is read as a whole [byte]: images, meshes, jobs, scripts."""
 
 
 _traced: ContextVar[set[Path] | None] = ContextVar("traced", default=None)
@@ -35,7 +35,7 @@ _traced: ContextVar[set[Path] | None] = ContextVar("traced", default=None)
 
 @contextmanager
 def traced_inputs() -> Iterator[set[Path]]:
-    """Collect the absolute paths of the files that are opened in this context."""
+    """Context that collects the absolute paths of the files that are opened inside it."""
     files: set[Path] = set()
     token = _traced.set(files)
     try:
@@ -46,13 +46,13 @@ def traced_inputs() -> Iterator[set[Path]]:
 
 
 def trace_input(*files: str | Path) -> None:
-    """Count ``files``, which something else has opened, among the traced ones."""
+    """Add ``files``, which something else has opened, to those of ``traced_inputs``."""
     if (traced := _traced.get()) is not None:
         traced.update(Path(file).absolute() for file in files)
 
 
 def cached_by_files(maxsize: int) -> Callable[[Callable[_P, _T]], Callable[_P, _T]]:
-    """Keep results, as ``lru_cache`` does, until a file that was opened for one of them changes."""
+    """Cache results like ``lru_cache``, until a file that was opened for one of them changes."""
 
     def decorated(function: Callable[_P, _T]) -> Callable[_P, _T]:
         kept: dict[object, tuple[_T, dict[Path, _Stamp]]] = {}
@@ -77,7 +77,7 @@ def cached_by_files(maxsize: int) -> Callable[[Callable[_P, _T]], Callable[_P, _
 
 
 _Stamp: TypeAlias = tuple[int, int]
-"""Time of the last change [ns] and size [byte] of a file; zeros where there is none."""
+"""Time of the last change [ns] and size [byte] of a file; zeros if it does not exist."""
 
 
 def _stamp(file: Path) -> _Stamp:
@@ -90,7 +90,7 @@ def _stamp(file: Path) -> _Stamp:
 
 @contextmanager
 def open_input(path: str | Path, max_bytes: int | None = None) -> Iterator[BinaryIO]:
-    """The regular file at ``path`` (or behind a link there), opened for reading bytes.
+    """Open the regular file at ``path`` (links are followed) for reading bytes; a context.
 
     Without ``max_bytes`` it may have any size: for files that are read in pieces.
 
@@ -116,16 +116,16 @@ def open_input(path: str | Path, max_bytes: int | None = None) -> Iterator[Binar
 
 
 def read_input(path: str | Path, max_bytes: int = MAX_BYTES) -> bytes:
-    """The content of the regular file at ``path``; raises like ``open_input``."""
+    """Read the content of the regular file at ``path``; raises the errors of ``open_input``."""
     with open_input(path, max_bytes) as stream:
         return stream.read()
 
 
 def read_input_text(path: str | Path, max_bytes: int = MAX_TEXT) -> str:
-    """The UTF-8 text in the regular file at ``path``, without a byte order mark.
+    """Read the UTF-8 text in the regular file at ``path``, without a byte order mark.
 
     Raises:
-        ConfigError: as ``open_input``, or the content is not UTF-8.
+        ConfigError: ``open_input`` refuses the file, or its content is not UTF-8.
 
     """
     raw = read_input(path, max_bytes)
@@ -143,22 +143,22 @@ def read_input_text(path: str | Path, max_bytes: int = MAX_TEXT) -> str:
 
 
 def is_file(path: str | Path) -> bool:
-    """Whether ``path`` is a regular file; false as well for names that no file can have."""
+    """Whether ``path`` is a regular file; False also for names that no file can have."""
     return stat.S_ISREG(_mode(path))
 
 
 def is_folder(path: str | Path) -> bool:
-    """Whether ``path`` is a folder; false as well for names that no folder can have."""
+    """Whether ``path`` is a folder; False also for names that no folder can have."""
     return stat.S_ISDIR(_mode(path))
 
 
 def real_path(path: str | Path) -> Path:
-    """The absolute path behind all links; unlike ``Path.resolve`` it lets loops of links stand."""
+    """The absolute path behind all links; unlike ``Path.resolve`` it accepts loops of links."""
     return Path(os.path.realpath(path))
 
 
 def shown_path(path: Path) -> str:
-    """``path`` as error messages show it: relative to the working folder when it is inside."""
+    """``path`` as error messages show it: relative to the working folder if it is inside."""
     try:
         return str(path.absolute().relative_to(Path.cwd()))
     except (ValueError, OSError):
@@ -166,7 +166,7 @@ def shown_path(path: Path) -> str:
 
 
 def no_such_file(path: Path) -> ConfigError:
-    """The error for a ``path`` that is no regular file; names the nearest file of its suffix."""
+    """Make the error for a ``path`` that is no regular file; it names the most similar file."""
     name, hint = shown_path(path), ""
     if re.match(r"[a-z0-9]+:/", name):
         address = name.replace(":/", "://", 1)
@@ -203,10 +203,10 @@ def _mode(path: str | Path) -> int:
 
 
 def read_json_object(path: str | Path) -> dict[str, Any]:
-    """The JSON object in the file at ``path``.
+    """Read the JSON object in the file at ``path``.
 
     Raises:
-        ConfigError: the file cannot be read, is not JSON, or holds something else than an object.
+        ConfigError: the file cannot be read, is not JSON, or is not an object.
 
     """
     name = shown_path(Path(path))

@@ -1,8 +1,8 @@
-"""What other installed packages add to navfw, by their entry points.
+"""What other installed packages add to navfw by their entry points.
 
 A package names its commands in the group ``navfw.commands``, its plugins in ``navfw.behaviors``,
 ``navfw.flows`` and so on, and, in ``navfw.files``, a package whose folder has stacks, suites, maps
-and worlds in the same places as a project. Nothing of it is imported until it is used.
+and worlds in the same places as a project. They are imported only when used.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pathlib import Path
 
 @lru_cache(maxsize=1)
 def all_points() -> EntryPoints:
-    """The entry points of packages that name navfw in them."""
+    """Return the entry points of navfw's groups in all installed packages; cached."""
     # entry_points() parses those of all packages, which takes a tenth of the start of a command
     files = (file for path in sys.path for file in Path(path).glob("*.dist-info/entry_points.txt"))
     named = {file.parent for file in files if "[navfw." in file.read_text(encoding="utf-8")}
@@ -25,17 +25,17 @@ def all_points() -> EntryPoints:
 
 
 def points_of(group: str) -> EntryPoints:
-    """The entry points of a group."""
+    """Return the entry points of a group."""
     return all_points().select(group=group)
 
 
 def package_of(point: EntryPoint) -> str:
-    """Name and version of the package that has the entry point; empty if unknown."""
+    """Name and version of the package that has the entry point; "" if unknown."""
     return "" if point.dist is None else f"{point.dist.name} {point.dist.version}"
 
 
 def source_of(point: EntryPoint) -> str:
-    """The origin of a plugin in listings."""
+    """The origin of a plugin as listings show it."""
     package = package_of(point)
     return f"entry point {point.group}" + (package and f" of {package}")
 
@@ -46,7 +46,7 @@ def is_installed(package: str) -> bool:
 
 
 def file_of(module: str) -> Path | None:
-    """The source file of a module, which is not imported; None if there is no such module."""
+    """The source file of a module, found without importing it; None if there is no such module."""
     try:
         spec = find_spec(module)
     except Exception:
@@ -55,7 +55,7 @@ def file_of(module: str) -> Path | None:
 
 
 def file_folders() -> Iterator[Path]:
-    """The folders that ``navfw.files`` names."""
+    """Yield the folders of data files that installed packages name in ``navfw.files``."""
     for point in points_of("navfw.files"):
         file = file_of(point.module)
         if file is not None:

@@ -1,11 +1,11 @@
-"""Find the files of a project, and navfw's own, by name or path; their kinds are ``FILE_KINDS``.
+"""Finds the files of a project, and navfw's own, by name or path; their kinds are ``FILE_KINDS``.
 
 A project is the nearest folder, from the working folder upwards, that has a ``navfw.toml`` or a
 ``pyproject.toml`` with a ``[tool.navfw]`` table.
 
-A project has the same shape as navfw's repository, with plugins in ``behaviors/*.py``. A file of
+A project has the same folders as navfw's repository, with plugins in ``behaviors/*.py``. A file of
 the project takes precedence over the shipped one of the same name, and that over the one of an
-installed package. Packages of ROS are folders, whose roots the environment names.
+installed package. Packages of ROS are folders, whose roots are given by environment variables.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from navfw.errors import ConfigError, UnknownNameError
 
 _SUFFIXES = {".yaml", ".yml"}
 URDF_SUFFIXES = {".urdf", ".xacro"}
-"""Of files that are robots by themselves, given by their path."""
+"""Suffixes of files that are robots by themselves, given by their path."""
 _PACKAGE = input_file.real_path(__file__).parents[1]
 
 _Source: TypeAlias = Literal["project", "shipped", "installed"]
@@ -32,7 +32,7 @@ _Source: TypeAlias = Literal["project", "shipped", "installed"]
 
 @dataclass(frozen=True)
 class NamedFile:
-    """A file of one of ``FILE_KINDS``: its name, and whose it is."""
+    """A file of one of ``FILE_KINDS``: its name, its path, and who provides it."""
 
     name: str
     path: Path
@@ -40,7 +40,7 @@ class NamedFile:
 
 
 def project_folder(start: Path | None = None) -> Path | None:
-    """The user's project around ``start`` (default: the working folder), or None."""
+    """The user's project around ``start`` (default: the working folder); None if there is none."""
     try:
         start = Path.cwd() if start is None else start.absolute()
     except FileNotFoundError:  # the working folder has been removed
@@ -61,14 +61,14 @@ def _is_project(folder: Path) -> bool:
 def shipped_folder() -> Path:
     """The folder with navfw's own worlds, maps and behaviours.
 
-    ``navfw/shipped`` in an installed package, the repository's root in a checkout.
+    It is ``navfw/shipped`` in an installed package, the repository's root in a checkout.
     """
     installed = _PACKAGE / "shipped"
     return installed if installed.is_dir() else _PACKAGE.parent
 
 
 def own_project(start: Path | None = None) -> Path | None:
-    """The project around ``start``; None in a checkout of navfw, whose files are the shipped."""
+    """The project around ``start``; None in a checkout of navfw, whose files are shipped ones."""
     project = project_folder(start)
     shipped = shipped_folder()
     return None if project is None or input_file.real_path(project) == shipped else project
@@ -96,7 +96,7 @@ def plugin_folders() -> list[Path]:
 def project_plugin_folders(start: Path | None = None) -> list[Path]:
     """The folders ``behaviors`` and ``plugins`` of the project around ``start``, if they exist.
 
-    None in a checkout of navfw: what it ships is no project.
+    Empty in a checkout of navfw, as what it ships is no project.
     """
     project = own_project(start)
     folders = () if project is None else (project / "behaviors", project / "plugins")
@@ -104,7 +104,7 @@ def project_plugin_folders(start: Path | None = None) -> list[Path]:
 
 
 def plugin_files(folder: Path) -> list[Path]:
-    """The files of a folder of plugins that are imported: all ``*.py`` but ``_*.py``.
+    """The files in a plugin folder that are imported: all ``*.py`` except ``_*.py``.
 
     Raises:
         OSError: ``folder`` cannot be read.
@@ -115,7 +115,7 @@ def plugin_files(folder: Path) -> list[Path]:
 
 
 def list_files(kind: str) -> list[NamedFile]:
-    """All files of a kind of ``FILE_KINDS`` by name; those of missions are ``world/mission``."""
+    """All files of a kind of ``FILE_KINDS`` by name; missions are called ``world/mission``."""
     return _first_of_each_name(_files(kind))
 
 
@@ -149,7 +149,7 @@ def list_missions(world: str | Path) -> list[NamedFile]:
 
 
 def find(kind: str, name: str | Path, base: Path | None = None) -> Path:
-    """The file of a kind of ``FILE_KINDS`` that has this name.
+    """Find the file of a kind of ``FILE_KINDS`` that has this name.
 
     ``name`` is a path (relative to ``base``, or to the working folder) when it ends in ``.yaml``,
     of a robot in ``.urdf`` or ``.xacro``, contains a ``/``, or is a file with another suffix; a
@@ -170,7 +170,7 @@ def find(kind: str, name: str | Path, base: Path | None = None) -> Path:
 
 
 def find_mission(world: str | Path, name: str | Path) -> Path:
-    """The file of a mission of ``world``; ``name`` may be a path as well.
+    """Find the file of a mission of ``world``; ``name`` may also be a path.
 
     Raises:
         UnknownNameError: there is no such world, or it has no such mission.
@@ -225,10 +225,10 @@ def _first_of_each_name(files: Iterator[NamedFile]) -> list[NamedFile]:
 
 
 def package_roots(path: Path, folders: Iterable[str]) -> Iterator[Path]:
-    """The folders that may have packages of ROS in them, for the file at ``path``.
+    """Yield the folders that may contain packages of ROS, for the file at ``path``.
 
-    ``folders``, those of the environment's ``ROS_PACKAGE_PATH`` and ``AMENT_PREFIX_PATH``, and
-    those around the file.
+    They are ``folders``, those of the environment's ``ROS_PACKAGE_PATH`` and ``AMENT_PREFIX_PATH``,
+    and those around the file.
     """
     yield from map(Path, folders)
     yield from map(Path, filter(None, os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)))
@@ -238,7 +238,7 @@ def package_roots(path: Path, folders: Iterable[str]) -> Iterator[Path]:
 
 
 def package_folders(name: str, roots: Iterable[Path]) -> Iterator[Path]:
-    """The folders that may be the package ``name``: in the roots, or a root of that name itself."""
+    """Yield the folders that may be the package ``name``: in the roots, or a root of that name."""
     for root in roots:
         yield root / name
         if root.name == name:

@@ -1,4 +1,4 @@
-"""Values on top of a document: single ones, as ``--set a.b=1``, or those of another document."""
+"""Changes values of a document: single ones, as ``--set a.b=1``, or those of another document."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Settings: TypeAlias = str | Sequence[str] | Mapping[str, object]
 
 @dataclass(frozen=True)
 class Override:
-    """Set ``path`` to ``value``; ``text`` is the option's argument as typed."""
+    """Sets the value at ``path`` to ``value``; ``text`` is the option's argument as typed."""
 
     path: KeyPath
     value: Data
@@ -34,16 +34,16 @@ class Override:
         return f"--set {self.text}"
 
     def under(self, prefix: KeyPath) -> Override:
-        """The same override with ``prefix`` before its path."""
+        """Return the same override with ``prefix`` before its path."""
         return replace(self, path=(*prefix, *self.path))
 
     def error(self, message: str) -> ConfigError:
-        """An error whose key is this override."""
+        """Make an error whose key is this override."""
         return ConfigError(message, key=self.option)
 
 
 def override_texts(settings: Settings) -> tuple[str, ...]:
-    """Overrides as arguments of ``--set``; the values of a mapping are plain data.
+    """Convert overrides to arguments of ``--set``; the values of a mapping must be plain data.
 
     >>> override_texts({"offis.layers": 1, "mission.goals": ["lab"]})
     ('offis.layers=1', 'mission.goals=["lab"]')
@@ -51,7 +51,7 @@ def override_texts(settings: Settings) -> tuple[str, ...]:
     ('offis.layers=1',)
 
     Raises:
-        ConfigError: a value is no plain data: neither number, text, boolean, None, list nor
+        ConfigError: a value is not plain data: neither number, text, boolean, None, list nor
             mapping, or a number that is not finite.
 
     """
@@ -98,7 +98,7 @@ def parse_override(text: str) -> Override:
 
 
 def apply_overrides(document: YamlDocument, overrides: Sequence[str | Override]) -> YamlDocument:
-    """A copy of ``document`` with the overrides in it, later ones over earlier ones.
+    """Return a copy of ``document`` with the overrides applied in order.
 
     Raises:
         ConfigError: an override is malformed, its path leads through a value that is neither a
@@ -173,7 +173,7 @@ def _index(node: list[Data], step: str | int, done: KeyPath, override: Override)
 def layered(
     lower: YamlDocument, upper: YamlDocument, replaced: Container[str] = ()
 ) -> YamlDocument:
-    """``upper`` on ``lower``: mappings are merged key by key, other values are replaced.
+    """Put ``upper`` on top of ``lower``: mappings are merged key by key, other values replaced.
 
     The mappings at the top-level keys ``replaced`` are not merged but replaced. Each part keeps its
     origin.
@@ -197,9 +197,10 @@ def on_its_base(
     load: Callable[[Path], YamlDocument] = load_yaml,
     above: tuple[Path, ...] = (),
 ) -> YamlDocument:
-    """``document``, the file at ``path``, on top of the one that its key ``base`` names, and so on.
+    """Put ``document``, the file at ``path``, on top of the file named by its key ``base``.
 
-    ``kind`` is that of all files, ``load`` reads one; see ``layered`` for ``replaced``.
+    That may have a ``base`` as well. ``kind`` is that of all, ``load`` reads one; for ``replaced``
+    see ``layered``.
 
     Raises:
         ConfigError: a base cannot be read, or the file is based on itself.

@@ -25,7 +25,7 @@ from navfw.process.atomic import write_text
 from navfw.process.printable_text import printable
 
 TRUST_VARIABLE = "NAVFW_TRUST"
-"""Environment variable: ``1`` trusts whatever project is in use; else folders of projects to trust,
+"""Environment variable: ``1`` trusts any project; otherwise it lists folders of trusted projects,
 separated as in ``PATH``. Child processes inherit it."""
 
 MAX_NAMED = 20
@@ -34,14 +34,14 @@ MAX_NAMED = 20
 
 @dataclass(frozen=True)
 class ProjectCode:
-    """The plugin files of a project; ``folder`` is the project's, resolved."""
+    """The plugin files of a project, and its ``folder``, with links resolved."""
 
     folder: Path
     files: tuple[Path, ...]
 
     @classmethod
     def around(cls, start: Path | None = None) -> Self | None:
-        """The plugins of the project around ``start`` (default: the working folder), if any is."""
+        """The plugins of the project around ``start`` (default: the working folder), or None."""
         project = lookup.project_folder(start)
         if project is None:
             return None
@@ -51,7 +51,7 @@ class ProjectCode:
         )
 
     def names(self) -> list[str]:
-        """The files relative to the project, at most ``MAX_NAMED``; characters are printable."""
+        """List the files relative to the project, at most ``MAX_NAMED``, in printable text."""
         names = [printable(os.path.relpath(real_path(file), self.folder)) for file in self.files]
         more = len(names) - MAX_NAMED
         return names if more <= 0 else [*names[:MAX_NAMED], f"and {more} more"]
@@ -63,7 +63,7 @@ _question: ContextVar[Question | None] = ContextVar("question", default=None)
 
 @contextmanager
 def asking(question: Question) -> Iterator[None]:
-    """Have ``question`` decide on code that is not trusted yet; a yes is remembered."""
+    """Context in which ``question`` decides on code that is not trusted; a yes is remembered."""
     token = _question.set(question)
     try:
         yield
@@ -73,7 +73,7 @@ def asking(question: Question) -> Iterator[None]:
 
 @contextmanager
 def trusting(folder: Path | None = None) -> Iterator[None]:
-    """Trust the project in ``folder``, or any project, in this context and in its processes."""
+    """Context that trusts the project in ``folder``, or any, also in child processes."""
     before = os.environ.get(TRUST_VARIABLE)
     if before != "1":
         folders = [*([before] if before else []), str(folder and real_path(folder))]
@@ -87,9 +87,9 @@ def trusting(folder: Path | None = None) -> Iterator[None]:
 
 
 def require_trust() -> None:
-    """Return if the plugins of the project around the working folder may be executed.
+    """Check that the plugins of the project around the working folder may be executed.
 
-    So they may if there are none, if the project is trusted, or if the user agrees when asked.
+    They may if there are none, if it is trusted, or if the user agrees to trust it from now on.
 
     Raises:
         UntrustedCodeError: the user has not agreed.
@@ -113,26 +113,26 @@ def require_trust() -> None:
 
 
 def trust_file() -> Path:
-    """The file of trusted folders, a line each, in the user's configuration folder."""
+    """The path of the file of trusted folders, one per line, in the user's configuration folder."""
     return user_config_path("navfw") / "trusted-folders.txt"
 
 
 def trusted_folders() -> list[str]:
-    """The folders of the projects that this user trusts, resolved, in order."""
+    """The folders of the projects that this user trusts, with links resolved, sorted."""
     file = trust_file()
     return sorted(read_input_text(file).splitlines()) if file.is_file() else []
 
 
 def trust(folder: Path) -> None:
-    """Trust the project in ``folder`` from now on."""
+    """Trust the project in ``folder`` from now on; written to ``trust_file``."""
     _write({*trusted_folders(), str(real_path(folder))})
 
 
 def distrust(folder: Path) -> None:
-    """Trust the project in ``folder`` no longer.
+    """Stop trusting the project in ``folder``.
 
     Raises:
-        UnknownNameError: it is not trusted.
+        UnknownNameError: the project is not trusted.
 
     """
     folders, name = trusted_folders(), str(real_path(folder))

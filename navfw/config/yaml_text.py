@@ -1,6 +1,6 @@
-"""YAML 1.2 text from and to plain data: libyaml scans it, and each value keeps its line.
+"""Converts YAML 1.2 text from and to plain data: libyaml scans it, and each value keeps its line.
 
-Where libyaml refuses a text, PyYAML's own scanner words the error, which says more of its cause.
+If libyaml refuses a text, PyYAML's own scanner words the error, as it says more about the cause.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ Data: TypeAlias = Any
 """Data of a YAML file: None, bool, int, float, str, lists of these and dicts with str keys."""
 
 MAX_VALUES = 300_000
-"""Largest number of keys and values that aliases may make of a text ("billion laughs")."""
+"""Largest number of keys and values that aliases may expand a text to ("billion laughs")."""
 
 MAX_DEPTH = 60
-"""Largest nesting of lists, mappings and elements, in files of all kinds."""
+"""Deepest nesting of lists, mappings and elements, in files of all kinds."""
 
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-"""PyYAML's own where it has been built without libyaml."""
+"""PyYAML's own loader if it was built without libyaml."""
 
 _REFUSED = (yaml.YAMLError, UnicodeEncodeError, OverflowError)
-"""What the scanners raise: the latter two for characters that do not exist."""
+"""Exceptions of the scanners; the latter two are for characters that do not exist."""
 
 _TAG = "tag:yaml.org,2002:"
 _NULL = dict.fromkeys(("", "~", "null", "Null", "NULL"))
@@ -45,7 +45,7 @@ _FIRST_OF_NUMBERS = frozenset("+-.0123456789")
 
 
 def read_yaml_text(text: str, file: str | None = None) -> tuple[Data, dict[KeyPath, int]]:
-    """The data in ``text``, None if it is empty, and the 1-based line of each of its parts.
+    """Parse ``text``: its data, None if it is empty, and the 1-based line of each of its parts.
 
     Mapping keys are text as written, so a room called ``101`` stays ``"101"``.
 
@@ -63,12 +63,12 @@ def read_yaml_text(text: str, file: str | None = None) -> tuple[Data, dict[KeyPa
 
 
 def scalar_spans(text: str) -> dict[KeyPath, tuple[int, int]]:
-    """Where each scalar of ``text`` is written: its first character, and that after its last.
+    """Positions of each scalar of ``text``: its first character, and the one after its last.
 
-    Parts of an alias are where its anchor is.
+    Parts of an alias have the positions of its anchor.
 
     Raises:
-        ConfigError: as ``read_yaml_text``.
+        ConfigError: ``text`` is not YAML (``read_yaml_text``).
 
     """
     reader = _SpanReader(None)
@@ -80,7 +80,7 @@ def scalar_spans(text: str) -> dict[KeyPath, tuple[int, int]]:
 
 
 def write_yaml_text(data: Data, width: int = 100) -> str:
-    """``data`` as YAML: the innermost collections inline, all others as blocks."""
+    """Format ``data`` as YAML: the innermost collections inline, all others as blocks."""
     text: str = yaml.dump(
         data,
         Dumper=_Dumper,
@@ -230,7 +230,7 @@ class _SpanReader(_TextReader):
 
 
 def key_text(path: KeyPath) -> str:
-    """``path`` as error messages show it: ``rooms[3].name``."""
+    """Format ``path`` as error messages show it: ``rooms[3].name``."""
     text = ""
     for step in path:
         text += f"[{step}]" if isinstance(step, int) else f".{step}" if text else step

@@ -1,4 +1,4 @@
-"""A YAML file as a validated pydantic model; one error lists all its problems.
+"""Validates a YAML file as a pydantic model; one error lists all its problems.
 
 >>> world = validate(load_yaml("worlds/office/world.yaml"), WorldSpec)  # doctest: +SKIP
 
@@ -24,31 +24,31 @@ from navfw.config.yaml_text import KeyPath, key_text
 from navfw.errors import ConfigError, did_you_mean
 
 MAX_LISTED = 50
-"""Largest number of problems that one error lists; the others are counted."""
+"""Largest number of problems that one error lists; the rest is counted."""
 
 
 @dataclass(frozen=True)
 class FileProblem:
-    """One error in a document: the path of the key, the message, and where the value came from."""
+    """An error in a document: the path of the key, the message, and the value's origin."""
 
     path: KeyPath
     message: str
     origin: Origin
 
     def error(self) -> ConfigError:
-        """The error for this problem alone."""
+        """Make the error for this problem only."""
         return ConfigError(
             self.message, file=self.origin.file, line=self.origin.line, key=self.key or None
         )
 
     @property
     def key(self) -> str:
-        """The option of the command line that set the value, or else the key in the file."""
+        """The command-line option that set the value, or else the key in the file."""
         return self.origin.option or key_text(self.path)
 
 
 def config_error(problems: Sequence[FileProblem]) -> ConfigError:
-    """One error for ``problems`` (at least one), one per line, in the order of the file.
+    """Make one error for ``problems`` (at least one), one per line, in the order of the file.
 
     The first ``MAX_LISTED`` are listed, the others counted.
     """
@@ -62,9 +62,9 @@ def config_error(problems: Sequence[FileProblem]) -> ConfigError:
 
 @contextmanager
 def rewording(what: str = "", prefix: str = "", file: str | Path | None = None) -> Iterator[None]:
-    """A ValidationError in the block becomes a ConfigError about the first wrong key of ``file``.
+    """Context that turns a ValidationError into a ConfigError on the first wrong key of ``file``.
 
-    ``what`` begins its message, ``prefix`` the key. It is for data that have no lines.
+    ``what`` begins its message, ``prefix`` the key. Use it for data that have no lines.
     """
     try:
         yield
@@ -128,7 +128,7 @@ def _hint(detail: ErrorDetails, expected: ExpectedType) -> str:
 
 
 def shown(value: object) -> str:
-    """A value as error messages show it; long ones shortened."""
+    """Format a value as error messages show it; long ones are shortened."""
     if value is None:
         return "nothing"
     if isinstance(value, bool):
@@ -202,7 +202,7 @@ ModelT = TypeVar("ModelT", bound=BaseModel)
 
 
 def validate(document: YamlDocument, model: type[ModelT], at: KeyPath = ()) -> ModelT:
-    """The part of ``document`` at path ``at`` as a ``model``; a null part counts as empty.
+    """Validate the part of ``document`` at path ``at`` as a ``model``; null counts as empty.
 
     Raises:
         ConfigError: the message lists every problem with file, line and key.
@@ -217,7 +217,7 @@ def validate(document: YamlDocument, model: type[ModelT], at: KeyPath = ()) -> M
 def check(
     document: YamlDocument, model: type[ModelT], at: KeyPath = ()
 ) -> tuple[ModelT | None, list[FileProblem]]:
-    """Like ``validate``, but returns the problems, in the order of the file, to add others to."""
+    """Validate like ``validate``, but return the problems, in the order of the file."""
     data = document.at(at)
     data = {} if data is None else data
     try:
