@@ -1,6 +1,6 @@
 """The family ``corridors``: corridors with bends, branches, side doors and a few obstacles.
 
-A network of corridors is the plan from which the world is built.
+The world is built from a network of corridors.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from navfw.worldgen.world_draft import ROBOT, WALL, Point, Unsuitable, WorldDraf
 Node = tuple[int, int]
 
 _NODES = 4
-"""Nodes of the lattice along each side."""
+"""Number of nodes along each side of the lattice."""
 _EDGE = 0.4
-"""Width of the floor around the outermost walls [m]."""
+"""Width of the floor outside of the outermost walls [m]."""
 _SIDE_ROOM = (1.8, 1.7)
 """Depth and width [m] of a side room."""
 
 
 @dataclass(frozen=True)
 class CorridorSegment:
-    """A straight corridor between two nodes; ``width`` [m] is that between wall centre lines."""
+    """A straight corridor between two nodes; ``width`` [m] is between wall centre lines."""
 
     a: Node
     b: Node
@@ -39,7 +39,7 @@ class CorridorSegment:
 
     @property
     def axis(self) -> int:
-        """Direction: along x (0) or y (1)."""
+        """Direction of the corridor: along x (0) or y (1)."""
         return 0 if self.a[1] == self.b[1] else 1
 
 
@@ -55,7 +55,7 @@ class SideDoor:
     segment: CorridorSegment
 
     def beside(self, off: float) -> Point:
-        """The point ``off`` [m] outward from the wall (negative: into the corridor)."""
+        """The point at distance ``off`` [m] outward from the door (negative: into the corridor)."""
         return self.at[0] + off * self.out[0], self.at[1] + off * self.out[1]
 
 
@@ -81,7 +81,7 @@ class Corridors(WorldFamily):
     name: ClassVar[str] = "corridors"
 
     def build(self, rng: np.random.Generator, difficulty: float) -> WorldDraft:
-        """Corridors 1.0 to 2.0 m wide; narrower, longer and with more obstacles when difficult."""
+        """Draw corridors 1.0 to 2.0 m wide; narrower, longer, with more obstacles when hard."""
         network = _routes_and_branches(rng, difficulty)
         _add_side_doors(rng, network, difficulty)
         network, size = _shifted(network)

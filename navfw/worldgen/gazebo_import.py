@@ -1,4 +1,4 @@
-"""Import of Gazebo worlds of cylinders, boxes and meshes, with a mission; and the benchmark BARN.
+"""Imports Gazebo worlds of cylinders, boxes and meshes, with a mission; also BARN benchmark worlds.
 
 BARN (Perille et al. 2020; github.com/Daffan/the-barn-challenge): its mission leads from (-2.25, 3)
 facing y to (-2.25, 13), reached within 1 m, in 100 s. Each ``world_N.world`` has a reference path
@@ -63,7 +63,7 @@ def reference_length(world_file: Path) -> float | None:
     None if there is no file ``path_N.npy``.
 
     Raises:
-        ConfigError: the file has no path.
+        ConfigError: the file is not an array of finite cells.
 
     """
     number = re.fullmatch(r"world_(\d+)", world_file.stem)
@@ -93,16 +93,16 @@ Start = tuple[float, float, float]
 _BORDER = 3.0
 """Width of the floor around all solids, start and goal [m]."""
 _MAX_LISTED = 20
-"""Number of unsupported elements that are listed."""
+"""Largest number of unsupported elements that are listed."""
 _MAX_STEP = 0.3
-"""Greatest height [m] of a slab that is a floor."""
+"""Largest height [m] of a slab that counts as floor."""
 _MIN_HEIGHT = 0.02 - 1e-9
-"""Least height of a solid above the floor [m], with a margin for rounding."""
+"""Smallest height of a solid above the floor [m], with a margin for rounding."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ImportedWorld(MadeWorld):
-    """The world of an SDF file; ``skipped`` are the elements left out, ``assumed`` what was taken.
+    """The world of an SDF file, the elements ``skipped``, and what was ``assumed``.
 
     ``shortest`` [m] is the length of the shortest path for the default robot, ``meshes`` the number
     of meshes that became boxes and cylinders.
@@ -125,7 +125,7 @@ def import_world(
 ) -> ImportedWorld:
     """Import an SDF world; ``start`` (x, y, yaw) and ``goal`` default to BARN's in BARN worlds.
 
-    Models and meshes are looked up as ``SdfFiles`` says, and in the folder ``models``.
+    ``SdfFiles`` says where models and meshes are looked up, besides the folder ``models``.
 
     Raises:
         ConfigError: the file is not an SDF world.

@@ -1,4 +1,4 @@
-"""Generation of a traversable world with a mission from family, seed and difficulty."""
+"""Generates a traversable world with a mission from family, seed and difficulty."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _SHIPPED: dict[str, type[WorldFamily]] = {
 """The shipped families by name."""
 
 FAMILIES = tuple(_SHIPPED)
-"""The names of the shipped families."""
+"""Names of the shipped families."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +45,7 @@ class GeneratedWorld(MadeWorld):
     """The world of a family.
 
     ``shortest`` [m] is the length of the shortest path for the default robot, ``attempt`` the
-    number of discarded sub-seeds.
+    number of sub-seeds that were discarded before it.
     """
 
     shortest: float
@@ -73,13 +73,13 @@ def generate(
     contrast: float | None = None,
     look: Look | None = None,
 ) -> GeneratedWorld:
-    """The world of that family and seed; the same arguments give the same world.
+    """Generate the world of a family and seed; the same arguments give the same world.
 
-    With ``contrast`` [grey levels] every surface has that contrast instead of its own, and with
-    ``look`` surfaces of that look; all else is the same.
+    With ``contrast`` [grey levels] every surface has that contrast instead of its own, with
+    ``look`` surfaces have that look; all else is the same.
 
-    A draw without a path for the robot with a margin, or with a path shorter than
-    ``MIN_PATH``, is discarded, and the next sub-seed is tried.
+    A draw without a path for the robot with a margin, or with a path shorter than ``MIN_PATH``, is
+    discarded, and the next sub-seed is tried.
 
     Raises:
         UnknownNameError: no family or look has that name.

@@ -1,8 +1,8 @@
-"""The family ``hard``: rooms that differ from their map, and in which little can be taken for sure.
+"""The family ``hard``: rooms that differ from their map, with many sources of failure.
 
-Map and floor plan are those of the rooms as ``rooms`` makes them. Then hazards change the world
-alone; it lists those that it has, so that failures can be counted by them. ``VERSION`` names the
-family as it is frozen: a change of its worlds is a new version.
+Map and floor plan are those of the rooms as ``rooms`` makes them. Then hazards change only the
+world; it lists its hazards, so that failures can be counted by them. ``VERSION`` names the frozen
+family: a change of its worlds is a new version.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ VERSION = "navfw-hard-v1"
 """Name and version of the family's worlds."""
 
 _STACK = "default"
-"""The stack by whose successes the family was calibrated."""
+"""The stack whose successes calibrated the family."""
 
 _ENDS_FREE, _DOORS_FREE = 0.55, 0.6
 """Radius [m] around start and goal, and around doors, in which no furniture is added."""
 
 _CLOSES_WITHIN = 1.3
-"""Distance of the robot from a door at which it closes [m]: it is in view, and can be avoided."""
+"""Distance of the robot from a door at which it closes [m]: the robot sees it and can avoid it."""
 
 _ELEVATION = 0.25
 """Slope of the rays of the low sun: walls that face it are glaring, the floor is not."""
@@ -47,7 +47,7 @@ class Hard(Rooms):
     loops: ClassVar[float] = 0.9
 
     def build(self, rng: np.random.Generator, difficulty: float) -> WorldDraft:
-        """Furnished rooms; more hazards, and stronger ones, when difficult."""
+        """Draw furnished rooms; more hazards, and stronger ones, when difficult."""
         draft = super().build(rng, blend(0.5, 1.0, difficulty))
         if draft.topo_map is None:
             raise Unsuitable("rooms without a map")
@@ -158,7 +158,7 @@ _HAZARDS: Mapping[str, Callable[[WorldDraft, float], bool]] = MappingProxyType(
         "glare": _dazzle,
     }
 )
-"""By name, in the order in which they change a draft; False: there was no place for it."""
+"""By name, in the order in which they change a draft; each returns False if it found no place."""
 
 
 def _change_doors(

@@ -1,6 +1,6 @@
 """Surfaces of generated worlds: the textures of a palette, by role, and looks that replace them.
 
-A look is the same geometry with other surfaces, by the role of each texture.
+A look gives the same geometry other surfaces, by the role of each texture.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ _NOISE: Mapping[Role, tuple[tuple[worldspec.Style, ...], Interval]] = MappingPro
 
 
 class Palette:
-    """The textures of one world by name; ``draw`` adds one."""
+    """The textures of one world by name, drawn at random."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._rng = rng
         self.textures: dict[str, worldspec.TextureSpec] = {}
 
     def draw(self, role: Role) -> str:
-        """Add a random texture for a role; returns its name."""
+        """Add a random texture for a role; return its name."""
         rng = self._rng
         name = f"{role}-{sum(other.startswith(role) for other in self.textures) + 1}"
         styles, brightness = _NOISE[role]
@@ -55,18 +55,18 @@ class Palette:
         return name
 
     def draw_many(self, role: Role, count: int) -> tuple[str, ...]:
-        """Add ``count`` random textures for a role; returns their names."""
+        """Add ``count`` random textures for a role; return their names."""
         return tuple(self.draw(role) for _ in range(count))
 
     def pick(self, names: Sequence[str]) -> str:
-        """One of ``names`` at random."""
+        """Return one of ``names`` at random."""
         return names[int(self._rng.integers(len(names)))]
 
 
 def with_contrast(world: worldspec.WorldSpec, contrast: float) -> worldspec.WorldSpec:
-    """``world`` with ``contrast`` [grey levels] of all textures, the stock textures included.
+    """Return ``world`` with ``contrast`` [grey levels] of all textures, stock textures included.
 
-    Brightness and colour stay, so that surfaces still differ from each other.
+    Brightness and colour are kept, so that surfaces still differ from each other.
     """
     every = {**STOCK, **world.textures}
     changed = {n: spec.model_copy(update={"contrast": contrast}) for n, spec in every.items()}
@@ -140,7 +140,7 @@ _SURFACES: Mapping[worldspec.Look, Mapping[Role, tuple[_Surface, ...]]] = Mappin
 
 
 def with_look(world: worldspec.WorldSpec, look: worldspec.Look, seed: int) -> worldspec.WorldSpec:
-    """``world`` with surfaces of that look, drawn by ``seed``; its solids are the same.
+    """Return ``world`` with surfaces of that look, drawn by ``seed``; its solids are the same.
 
     ``plain``: walls painted in one colour, with skirting boards and door frames. ``photo``:
     patterns like photographs of materials (``navfw.sim.textures``).

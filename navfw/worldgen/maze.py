@@ -15,16 +15,16 @@ from navfw.worldgen.world_draft import WALL, Point, Unsuitable, WorldDraft, blen
 
 Cell = tuple[int, int]
 _MAX_PATH = 30.0
-"""Limit of the path from start to goal [m], in cells times their size."""
+"""Largest length of the path from start to goal [m], in cells times their size."""
 
 
 class Maze(WorldFamily):
-    """A grid maze with cells of 1.6 down to 1.1 m."""
+    """A grid maze with cells 1.6 to 1.1 m wide."""
 
     name: ClassVar[str] = "maze"
 
     def build(self, rng: np.random.Generator, difficulty: float) -> WorldDraft:
-        """5 to 8 cells by 5 to 8; each 1.6 m wide when easy, 1.1 m when difficult."""
+        """Draw 5 to 8 by 5 to 8 cells, 1.6 m wide when easy, 1.1 m when difficult."""
         cell = round(
             float(np.clip(blend(1.55, 1.15, difficulty) + rng.uniform(-0.05, 0.05), 1.1, 1.6)), 3
         )

@@ -1,8 +1,8 @@
 """Families of one open area: ``clutter``, ``poles`` as in BARN, and ``moving`` with people.
 
 BARN (Perille et al. 2020) fills 30 x 30 cells of 0.15 m at random, smooths them by a cellular
-automaton, and puts a pole in every filled cell, between two rows of poles. In ``poles`` walls
-replace the rows, and radii vary.
+automaton, and puts a pole in every filled cell, between two rows of poles. In ``poles``, walls
+replace these rows, and radii vary.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ Interval = tuple[float, float]
 
 
 class Clutter(WorldFamily):
-    """A walled area with boxes and cylinders, gaps from 1.2 down to 0.75 m."""
+    """A walled area with boxes and cylinders, with gaps of 1.2 m when easy to 0.75 m when hard."""
 
     name: ClassVar[str] = "clutter"
 
     def build(self, rng: np.random.Generator, difficulty: float) -> WorldDraft:
-        """An area of 8 to 12 m by 8 to 12 m, crossed from one side to the opposite one."""
+        """Draw an area of 8 to 12 m by 8 to 12 m, to be crossed from one side to the other."""
         draft = WorldDraft.empty(rng, rng.uniform(8.0, 12.0), rng.uniform(8.0, 12.0))
         draft.enclose(draft.palette.draw("wall"))
         gap = blend(1.2, 0.75, difficulty)
@@ -97,7 +97,7 @@ def _off_walls(draft: WorldDraft, bounds: tuple[float, float, float, float], gap
 CELL = 0.15
 """Edge of the automaton's cells [m], as in BARN."""
 _ROWS, _LENGTH = 30, 36
-"""Cells across and along the field."""
+"""Number of cells across and along the field."""
 _RUN_UP = 1.6
 """Length of the free floor at both ends of the field [m]."""
 
@@ -108,7 +108,7 @@ class Poles(WorldFamily):
     name: ClassVar[str] = "poles"
 
     def build(self, rng: np.random.Generator, difficulty: float) -> WorldDraft:
-        """A field 4.5 m wide and 5.4 m long, crossed lengthwise."""
+        """Draw a field 4.5 m wide and 5.4 m long, to be crossed lengthwise."""
         width, length = _ROWS * CELL + 2 * WALL, _LENGTH * CELL + 2 * _RUN_UP
         draft = WorldDraft.empty(rng, length, width)
         draft.enclose(draft.palette.draw("wall"), height=1.6)
@@ -168,10 +168,10 @@ def _set_poles_ends(draft: WorldDraft) -> None:
 
 
 _RADIUS, _HEIGHT = 0.25, 1.7
-"""Size of a person's cylinder [m]."""
+"""Radius and height of a person's cylinder [m]."""
 
 _PEDESTRIANS_ROBOT = ROBOT.model_copy(update={"side_views": SideViews(), "max_v": 0.8})
-"""The robot: side views and 0.8 m/s, since people approach from the side and from behind."""
+"""The robot, with side views and 0.8 m/s, as people approach from the side and from behind."""
 
 _PEDESTRIANS_STACK = "pedestrians"
 """The stack for worlds with moving obstacles."""
@@ -183,7 +183,7 @@ class Moving(WorldFamily):
     name: ClassVar[str] = "moving"
 
     def build(self, rng: np.random.Generator, difficulty: float) -> WorldDraft:
-        """Two to seven people; more, and a larger share that does not yield, when difficult."""
+        """Draw two to seven people; more, and a larger share that does not yield, when hard."""
         draft = WorldDraft.empty(rng, rng.uniform(8.0, 12.0), rng.uniform(6.5, 9.5))
         draft.enclose(draft.palette.draw("wall"))
         count = int(np.clip(round(blend(2, 6, difficulty) + rng.uniform(-1, 1)), 2, 7))

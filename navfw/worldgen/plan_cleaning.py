@@ -1,4 +1,4 @@
-"""A floor plan without the noise of a map: the piece of its free ground in which a robot drives.
+"""Cleans a floor plan of the noise of a map, and selects the free ground in which a robot drives.
 
 Maps by SLAM have single wrong pixels, gaps of a pixel in walls, and free ground behind windows: the
 ground is what is certainly free and in one piece.
@@ -21,18 +21,18 @@ from navfw.topomap.map_builder import MARGIN, Point
 from navfw.topomap.occupancy_map import FREE, OCCUPIED, UNKNOWN, Cells, OccupancyMap
 
 SPECKLE, GAP = 0.12, 0.15
-"""Size [m] of the largest spots that vanish, and width [m] of the openings that stay open."""
+"""Size [m] of the largest spots that are removed, and width [m] below which openings are closed."""
 _MAX_SPECKLE, _MAX_GAP = 1.0, 0.4
-"""Their largest values [m]."""
+"""Largest allowed values of these [m]."""
 
 _ALONG = 0.25  # chosen
-"""Least share of the image's border in a piece outside of a drawing's walls."""
+"""Smallest share of the image's border in a piece that counts as outside of a drawing's walls."""
 _FRAME = 0.85  # chosen
-"""Least share of the image's width and height that the white within a drawing's frame spans."""
+"""Smallest share of the image's width and height that the white within a drawing's frame spans."""
 _UNKNOWN_SHARE = 0.05  # chosen
-"""Share of unknown ground from which a plan is one of SLAM; drawings have it at blurred edges."""
+"""Share of unknown ground above which a plan is taken for one of SLAM, not a drawing."""
 _ROOM = 4.0  # chosen
-"""Least area [m^2] of a piece that is taken in place of a larger one."""
+"""Smallest area [m^2] of a piece that is chosen instead of a larger one."""
 
 _Labels = npt.NDArray[np.intp]
 
@@ -41,11 +41,11 @@ _Labels = npt.NDArray[np.intp]
 class CleanedPlan:
     """A plan without noise, and the piece of its free ground in which the default robot drives.
 
-    ``plan`` has all ground connected with it, ``ground`` not the pieces behind passages that are
-    too narrow for the robot. ``pieces`` are all, the one taken first, then by falling area: area
-    [m^2], and the point (x, y) [m] where it is widest. If nobody chose among several, ``assumed``
-    says which one was taken, and ``picture`` (BGR) shows it in green, the others in orange, walls
-    in black, and what is unknown in grey.
+    ``plan`` has all ground connected with the piece, ``ground`` lacks the parts behind passages
+    that are too narrow for the robot. ``pieces`` are all pieces, the chosen one first, then by
+    falling area: area [m^2], and the point (x, y) [m] where it is widest. If the piece was chosen
+    among several without ``inside``, ``assumed`` says which one, and ``picture`` (BGR) shows it in
+    green, the others in orange, walls in black, and unknown cells in grey.
     """
 
     plan: OccupancyMap
@@ -58,14 +58,14 @@ class CleanedPlan:
 def cleaned(
     plan: OccupancyMap, speckle: float = SPECKLE, gap: float = GAP, inside: Point | None = None
 ) -> CleanedPlan:
-    """The plan without speckles and gaps; free ground apart from one piece is unknown.
+    """Clean a plan of speckles and gaps; free ground apart from one piece becomes unknown.
 
     Occupied or unknown spots up to ``speckle`` [m] that free ground surrounds become free. Gaps
-    narrower than ``gap`` [m] become unknown. The piece is the one with ``inside`` [m], or else the
-    largest that is not ``_outside``.
+    narrower than ``gap`` [m] become unknown. The piece is the one with the point ``inside`` [m], or
+    else the largest that is not ``_outside``.
 
     Raises:
-        InputError: nothing is free, or not the point, or a value is out of range.
+        InputError: nothing is free, the point is not, or a value is out of range.
 
     """
     from scipy.ndimage import maximum_position

@@ -1,4 +1,4 @@
-"""Floor plans imported as worlds with maps and missions, and worlds exported as floor plans."""
+"""Imports floor plans as worlds with maps and missions, and exports worlds as floor plans."""
 
 from __future__ import annotations
 
@@ -43,16 +43,16 @@ from navfw.worldgen.plan_cleaning import GAP, SPECKLE, CleanedPlan, cleaned
 from navfw.worldgen.world_draft import MAP_FILE, MIN_PATH, ROBOT, MadeWorld
 
 RESOLUTION = 0.05
-"""Edge of a cell [m]: the usual one of maps for Nav2."""
+"""Edge of a cell [m], as usual for maps of Nav2."""
 
 
 def exported_plan(
     world: WorldSpec, resolution: float = RESOLUTION, *, walls_only: bool = False
 ) -> OccupancyMap:
-    """The plan of ``world``: the cells whose centre is in a solid, or over a drop, are occupied.
+    """Make the plan of ``world``: cells whose centre is in a solid, or over a drop, are occupied.
 
-    With ``walls_only`` it has neither furniture nor drops, and all doors are open: an architect's
-    plan, while the other one is what a robot would have mapped.
+    With ``walls_only`` it has neither furniture nor drops, and all doors are open, like an
+    architect's plan; otherwise it is what a robot would have mapped.
 
     Raises:
         InputError: ``resolution`` is out of range, or the plan would have too many cells.
@@ -76,7 +76,7 @@ def exported_plan(
 
 
 PIECES_FILE = "pieces.png"
-"""The picture of a plan's pieces, in the folder of its world."""
+"""File name of the picture of a plan's pieces, in the folder of its world."""
 
 _MAX_CELL = 0.25
 """Largest edge of a cell [m]: in coarser plans doors and the robot are a few cells wide."""
@@ -88,23 +88,23 @@ _MAX_MISSIONS = 8
 """Largest number of missions that are written."""
 
 _LONG = 15.0
-"""Length [m] of a way from which half of the missions are taken, as far as there are any."""
+"""Length [m] above which a path is long; half of the missions have long paths, if there are any."""
 
 _MIN_THICKNESS, _MAX_THICKNESS = 0.02, 5.0
 """Limits of a wall's thickness [m] in a world file."""
 
 
 _ENDS = ("room", "corridor", "junction")
-"""Kinds of places that missions begin and end at."""
+"""Kinds of places at which missions begin and end."""
 
 
 _Way = tuple[float, str, str]
-"""A way on the map: its length [m], and the places at its ends."""
+"""A path on the map: its length [m], and the places at its ends."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ImportedPlan(MadeWorld):
-    """The world of a floor plan, whose map comes with the cleaned plan.
+    """The world of a floor plan, whose map includes the cleaned plan.
 
     ``lengths`` [m] are those of the missions' paths, ``size`` [m] is that of the free ground.
     """
@@ -115,7 +115,7 @@ class ImportedPlan(MadeWorld):
     assumed: tuple[Assumption, ...]
 
     def write(self, folder: str | Path) -> Path:
-        """As ``MadeWorld.write``, with the picture as ``PIECES_FILE``."""
+        """Write the folder like ``MadeWorld.write``, with the picture as ``PIECES_FILE``."""
         folder = super().write(folder)
         (folder / PIECES_FILE).unlink(missing_ok=True)
         if self.clean.picture is not None:
@@ -125,7 +125,7 @@ class ImportedPlan(MadeWorld):
 
 
 def read_plan(file: str | Path, resolution: float | None = None) -> OccupancyMap:
-    """The floor plan in a yaml file, or in an image with pixels of ``resolution`` [m].
+    """Read the floor plan in a yaml file, or in an image with pixels of ``resolution`` [m].
 
     The lower left corner of a bare image is the origin of the frame ``map``.
 
@@ -154,16 +154,16 @@ def import_plan(
     inside: Point | None = None,
     named: Mapping[str, Point] | None = None,
 ) -> ImportedPlan:
-    """Import a floor plan as a world called ``name``; ``report`` is called with each part.
+    """Import a floor plan as a world called ``name``; ``report`` is called with each step.
 
-    Spots up to ``speckle`` [m] vanish, openings below ``gap`` [m] are closed. Of the free ground
-    the piece with the point ``inside`` (x, y) [m] is taken, by default the largest that is not the
-    white around a drawing. ``named`` gives the places at points (x, y) [m] names.
+    Spots up to ``speckle`` [m] are removed, openings below ``gap`` [m] are closed. The piece of
+    free ground with the point ``inside`` (x, y) [m] is imported, by default the largest that is not
+    the white around a drawing. ``named`` names the places nearest to points (x, y) [m].
 
     Raises:
-        InputError: it has no free ground, its resolution or origin cannot be right, a value is out
-            of range, or a point is not free, or not in the piece that is taken.
-        MapError: it has no way for the robot.
+        InputError: it has no free ground, its resolution or origin is implausible, a value is out
+            of range, or a point is not free, or not in the imported piece.
+        MapError: it has no path for the robot.
 
     """
     if plan.resolution > _MAX_CELL:

@@ -1,7 +1,7 @@
 """Walls around regions of rectangles, such as corridors, and the map of a known geometry.
 
-A passage of the map is straight and has clearance for the robot. Where a solid is between two
-places, the corners of the shortest path around it become places.
+A passage of the map is straight and has clearance for the robot. If a solid is between two places,
+the corners of the shortest path around it become places.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from navfw.worldgen.looks import Palette
 from navfw.worldgen.world_draft import WALL, Point, Unsuitable, by_axis
 
 _FILL = 0.4 * WALL
-"""Extension of a wall's ends into the wall that they meet [m]: faces are not coplanar."""
+"""Extension of a wall's ends into the wall that they meet [m], so that faces are not coplanar."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,14 +46,14 @@ class WallLine:
     high: float
 
     def contains(self, point: tuple[float, float], half: float) -> bool:
-        """Whether a gap of half width ``half`` [m] around the point is within the line."""
+        """Whether a gap of half width ``half`` [m] around ``point`` is within the line."""
         along = point[1 - self.axis]
         on = abs(point[self.axis] - self.at) < 1e-6
         return on and self.low + half <= along <= self.high - half
 
 
 def boundary_lines(areas: Sequence[FloorArea]) -> list[WallLine]:
-    """The lines between regions, and between regions and their surroundings."""
+    """The wall lines between regions, and between regions and their surroundings."""
     xs = np.unique([edge for area in areas for edge in area.x])
     ys = np.unique([edge for area in areas for edge in area.y])
     region = np.zeros((xs.size + 1, ys.size + 1), dtype=np.int64)  # with a border of region 0
@@ -78,7 +78,7 @@ def _boundary_intervals(
 
 
 def runs(row: npt.ArrayLike) -> Iterator[tuple[int, int]]:
-    """First and end index of each run of true values."""
+    """Yield the first and end index (exclusive) of each run of true values."""
     changes = np.flatnonzero(np.diff(np.asarray(row, dtype=int), prepend=0, append=0))
     yield from zip(changes[::2].tolist(), changes[1::2].tolist(), strict=True)
 
@@ -89,7 +89,7 @@ def walls_along(
     palette: Palette,
     textures: Sequence[str],
 ) -> list[WallSpec]:
-    """A wall on every line, with its gaps; its ends extend into the walls that they meet.
+    """Make a wall on every line, with its gaps; its ends extend into the walls that they meet.
 
     Each has one of ``textures`` of ``palette``, at random.
     """
@@ -110,16 +110,16 @@ def walls_along(
 
 
 _CLEARANCES = (0.45, 0.38, 0.32, 0.27)
-"""Clearances [m] tried in turn, down to the least one that lets the robot pass."""
+"""Clearances [m] tried in turn, down to the smallest one with which the robot can pass."""
 
 _MERGE_DISTANCE = 0.35
-"""A corner closer to an existing place than this [m] is replaced by it."""
+"""Distance [m] of a corner from an existing place below which the place is used instead."""
 _DETOUR = 1.25
 """Ratio of path length to distance above which two places of a room get a direct passage."""
 
 
 class Roadmap:
-    """Builder of the map of a scene: collects places and passages."""
+    """Builds the map of a scene from places and passages."""
 
     def __init__(self, plan: SceneGeometry) -> None:
         self.plan = plan
@@ -128,23 +128,23 @@ class Roadmap:
         self._counts: dict[str, int] = {}
 
     def add(self, name: str, x: float, y: float, kind: PlaceKind = "room") -> str:
-        """Add a place at a point [m]; returns its name."""
+        """Add a place at x, y [m]; return its name."""
         self.places[name] = Place(name, round(float(x), 3), round(float(y), 3), kind)
         return name
 
     def numbered(self, stem: str) -> str:
-        """The next unused name ``stem-1``, ``stem-2`` and so on."""
+        """Return the next unused name ``stem-1``, ``stem-2`` and so on."""
         self._counts[stem] = self._counts.get(stem, 0) + 1
         return f"{stem}-{self._counts[stem]}"
 
     def clearance_between(self, a: Place, b: Place) -> float:
-        """Clearance of the straight line between two places [m]."""
+        """Smallest clearance along the straight line between two places [m]."""
         count = max(int(a.distance(b.x, b.y) / 0.04), 2)
         line = np.linspace((a.x, a.y), (b.x, b.y), count)
         return float(self.plan.clearances(line).min())
 
     def add_passage(self, a: str, b: str, width: float = math.inf) -> bool:
-        """Add a straight passage, at most ``width`` [m] wide, if it is free; returns whether."""
+        """Add a straight passage, at most ``width`` [m] wide; return False if it is not free."""
         start, end = self.places[a], self.places[b]
         free = self.clearance_between(start, end)
         if free < _CLEARANCES[-1]:
@@ -164,7 +164,7 @@ class Roadmap:
     ) -> bool:
         """Connect a and b: directly, or around solids through new places named after ``stem``.
 
-        Returns False when no path stays inside of the ``room``, if one is given.
+        Returns False if no path is free, or none stays inside of the ``room`` if that is given.
         """
         if self.add_passage(a, b, width):
             return True
@@ -210,7 +210,7 @@ class Roadmap:
         return all(links)
 
     def connect_all(self, names: Sequence[str], room: RoomSpec) -> None:
-        """Connect all places of one room: directly where the line is free, else around solids.
+        """Connect all places of one room: directly if the line is free, else around solids.
 
         Raises:
             Unsuitable: a place cannot be reached inside the room.
@@ -244,7 +244,7 @@ class Roadmap:
             return math.inf
 
     def central_point(self, low: Point, high: Point, away: float = 0.8) -> Point:
-        """A central point of a rectangle with a clearance of ``away`` [m], or as large as possible.
+        """A central point of a rectangle with a clearance of ``away`` [m], or the largest possible.
 
         Raises:
             Unsuitable: no point is free for a robot.
@@ -261,10 +261,10 @@ class Roadmap:
         return float(points[best, 0]), float(points[best, 1])
 
     def build(self, name: str) -> TopoMap:
-        """The map.
+        """Make the topological map.
 
         Raises:
-            Unsuitable: it is not connected.
+            Unsuitable: the map is not connected.
 
         """
         topo_map = TopoMap(name, self.places.values(), self.passages.values())

@@ -125,16 +125,16 @@ def _standing_free(
 
 
 _MIN_SIDE = 2.9
-"""Least side of a room between wall centre lines [m]."""
+"""Smallest side of a room between wall centre lines [m]."""
 _APPROACH = 0.65
-"""Distance of the places on both sides of a door from it [m]."""
+"""Distance from a door of the places on both sides of it [m]."""
 DOOR_TO_CORNER = 0.85
-"""Least distance of a door's centre from the centre lines of the walls beside it [m]."""
+"""Smallest distance of a door's centre from the centre lines of the walls beside it [m]."""
 
 
 @dataclass(frozen=True)
 class RoomDoor:
-    """A door in a dividing wall, between two rooms."""
+    """A door in a dividing wall, between two rooms; lengths in metres."""
 
     name: str
     cut: WallLine
@@ -164,7 +164,7 @@ class Rooms(WorldFamily):
     """Probability of a door that is not needed to reach a room."""
 
     def build(self, rng: np.random.Generator, difficulty: float) -> WorldDraft:
-        """Two to six rooms; more rooms and furniture, and narrower doors, when difficult."""
+        """Draw two to six rooms; more rooms and furniture, and narrower doors, when difficult."""
         count = int(np.clip(round(blend(2.5, 5.5, difficulty) + rng.uniform(-1.2, 1.2)), 2, 6))
         area = count * rng.uniform(14.0, 19.0)
         aspect = rng.uniform(1.0, 1.7)

@@ -1,4 +1,4 @@
-"""Files and frames of SDF worlds: included models are put in their places, poses are composed.
+"""Files and frames of SDF worlds: inserts included models, and composes poses.
 
 A model is looked up as Gazebo does, by its folder's name in folders of models.
 """
@@ -23,19 +23,19 @@ from navfw.numerics.products import product
 from navfw.robot.sdf_pose import sdf_pose
 
 _PATHS = ("GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH")
-"""Variables of the environment with folders of models."""
+"""Environment variables with folders of models."""
 _FUEL = re.compile(r"https?://[^/]*(?:gazebosim|ignitionrobotics)[^/]*/.*/models/([^/]+)(?:/.*)?")
 """An address of a model on Fuel, Gazebo's collection."""
 _FRAMES = ("joint", "frame", "model", "link")
-"""Elements whose names are frames; of one name the last counts."""
+"""Elements whose names are frames; if a name occurs twice, the last element is used."""
 _HERE: Array = np.eye(4)
 
 
 class SdfFiles:
-    """The files that a world names: ``model://NAME/FILE``, or relative to the file that names them.
+    """Finds files that a world names: ``model://NAME/FILE``, or relative to the naming file.
 
-    ``folders`` of models are the world's own, ``models`` in it and beside it, the one of
-    ``--models``, and those of Gazebo's variables.
+    ``folders`` of models are the world's own, ``models`` in it and beside it, that of ``--models``,
+    and those of Gazebo's variables.
     """
 
     def __init__(self, world: Path, models: Path | None) -> None:
@@ -47,11 +47,11 @@ class SdfFiles:
         ]
 
     def find(self, uri: str, near: Path) -> Path | None:
-        """The file that the file ``near`` calls so, within the folders once links are followed."""
+        """Find the file ``uri`` named in the file ``near``; None if it is not in the folders."""
         return next((path for path in self._paths(uri, near) if is_file(path)), None)
 
     def find_model(self, uri: str, near: Path) -> Path | None:
-        """The SDF file of a model: one of that name, or in the folder of that name."""
+        """Find a model's SDF file: one of that name, or in the folder of that name; or None."""
         fuel = _FUEL.fullmatch(uri)
         for name in (unquote(fuel[1]), unquote(fuel[1]).lower()) if fuel else (uri,):
             for path in self._paths(name, near):
@@ -93,7 +93,7 @@ def included_model(include: Element, found: Path) -> Element:
     """The model in the file ``found`` under name, pose and other values of <include>.
 
     Raises:
-        ConfigError: the file is no SDF file of a model.
+        ConfigError: the file is not an SDF file of a model.
 
     """
     root = read_xml(found, "an SDF model")
@@ -110,7 +110,7 @@ def included_model(include: Element, found: Path) -> Element:
 
 
 class SdfFrames:
-    """The frames within a world or model, in which its elements have their poses."""
+    """The frames within a world or model, relative to which its elements have their poses."""
 
     def __init__(self, element: Element) -> None:
         self.element = element
@@ -123,7 +123,7 @@ class SdfFrames:
         """The transform (4, 4) of an element, relative to ``base`` if its pose names no frame.
 
         Raises:
-            ConfigError: the pose is damaged, or its frame is not there, or depends on itself.
+            ConfigError: the pose is damaged, or its frame does not exist, or depends on itself.
 
         """
         pose = element.find("pose")

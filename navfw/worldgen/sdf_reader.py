@@ -1,8 +1,8 @@
-"""Reader of Gazebo's world files (SDF): their cylinders, boxes and meshes, and included models.
+"""Reads Gazebo's world files (SDF): their cylinders, boxes and meshes, and included models.
 
-What is no upright cylinder or box becomes upright parts (``mesh_solids``). The XML must have no
-document type or entities, and a bounded size and depth. Unsupported elements are listed by line and
-name.
+Other shapes than upright cylinders and boxes become upright parts (``mesh_solids``). The XML must
+have no document type or entities, and a bounded size and depth. Unsupported elements are listed by
+line and name.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from navfw.sim.upright_parts import UprightPart, mesh_solids
 from navfw.worldgen.sdf_models import SdfFiles, SdfFrames, included_model
 
 _MAX_TRIANGLES = 500_000
-"""Of a collision mesh; those of rooms have hundreds."""
+"""Largest number of triangles of a collision mesh; those of rooms have hundreds."""
 
 _UPRIGHT = 1e-3
 """Largest tilt of an upright shape [rad]."""
@@ -41,7 +41,7 @@ _SOLIDS = {
     "sphere": {"radius": 1},
     "ellipsoid": {"radii": 3},
 }
-"""Shapes that are solids, and their sizes with the count of numbers."""
+"""Shapes that are solids, with the keys of their sizes and the count of numbers of each."""
 
 _IGNORED = frozenset(
     {
@@ -49,22 +49,22 @@ _IGNORED = frozenset(
         *("spherical_coordinates", "state", "plugin", "audio", "frame", "joint", "include"),
     }
 )
-"""Elements of a world that are no solids."""
+"""Elements of a world that are not solids."""
 _FLAT = ("plane", "empty")
-"""Shapes that are no solids."""
+"""Shapes that are not solids."""
 _GROUND = re.compile(r"(?:.*/)?(ground(?:_| |%20)?plane|sun)(?:/\d+|/tip)?", re.IGNORECASE)
-"""Included models of which a world has its own."""
+"""Included models that a world of navfw has itself."""
 _DRIVEN = re.compile("drive|planar_?move|velocity_?control", re.IGNORECASE)
-"""What plugins are called that drive a robot."""
+"""Pattern in the names of plugins that drive a robot."""
 _LEVEL = 0.9
-"""Least upward component of the normal of a plane that is no wall."""
+"""Smallest upward component of the normal of a plane that is not a wall."""
 _MIN_HALF = 0.01
-"""Half of the least width of a solid [m]: thinner ones get it."""
+"""Smallest half width of a solid [m]; thinner ones are made that wide."""
 
 
 @dataclass
 class SdfWorld:
-    """The content of a file: shapes, what is ``assumed``, a message for all ``unsupported``.
+    """The content of a file: shapes, what is ``assumed``, messages on ``unsupported`` elements.
 
     ``meshes`` is the number of meshes, and of round or leaning shapes, whose parts are among the
     shapes; ``folders`` are those in which files are looked up.
@@ -78,7 +78,7 @@ class SdfWorld:
 
 
 def read_sdf(path: str | Path, models: Path | None = None) -> SdfWorld:
-    """The shapes in an SDF file of a world, or model; included models and meshes are looked up.
+    """Read the shapes in an SDF file of a world or model, with included models and meshes.
 
     ``models`` is a folder of models, besides those of ``SdfFiles``.
 

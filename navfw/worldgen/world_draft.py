@@ -1,7 +1,7 @@
-"""Worlds in the making: one under construction, and the result of a generator with its files.
+"""Worlds in the making: a draft under construction, and the result of a generator with its files.
 
-Under construction are the solids so far, and whether another one fits. The result is world, mission
-and map.
+A draft has the solids so far, and checks whether another one fits. The result is world, mission and
+map.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ WALL = 0.1
 """Thickness of walls [m]."""
 
 MARGIN = 0.06
-"""Least clearance of the robot on either side of a generated passage [m]."""
+"""Smallest clearance of the robot on either side of a generated passage [m]."""
 
 ROBOT = RobotModel()
 """The robot for which worlds are traversable."""
@@ -54,25 +54,25 @@ _DRAWN = (
     *("x", "y", "floor", "ceiling", "rooms", "walls", "doors", "boxes", "cylinders", "movers"),
     *("light", "hazards"),
 )
-"""What a draft has of a world, by its keys."""
+"""The keys of a world that a draft has."""
 
 
 class Unsuitable(Exception):  # noqa: N818 - not an error: the next sub-seed is tried
-    """The random draws gave no suitable world."""
+    """The random draws gave no suitable world; the generator tries the next sub-seed."""
 
 
 def blend(easy: float, hard: float, difficulty: float) -> float:
-    """Linear interpolation: ``easy`` at difficulty 0, ``hard`` at 1."""
+    """Interpolate linearly: ``easy`` at difficulty 0, ``hard`` at 1."""
     return easy + (hard - easy) * difficulty
 
 
 def rounded(*values: float) -> tuple[float, ...]:
-    """Values rounded to three decimals, as in the files."""
+    """Round values to three decimals, as in the files."""
     return tuple(round(float(value), 3) for value in values)
 
 
 def by_axis(axis: int, along: _T, across: _T) -> tuple[_T, _T]:
-    """What is ``along`` an axis (0: x) and ``across`` it, as that of x and that of y."""
+    """Order values ``along`` an axis (0: x) and ``across`` it as (for x, for y)."""
     return (along, across) if axis == 0 else (across, along)
 
 
@@ -80,7 +80,7 @@ def by_axis(axis: int, along: _T, across: _T) -> tuple[_T, _T]:
 class WorldDraft:
     """A world under construction, within x and y [m]; ``start`` (x, y, yaw), ``goal`` (x, y).
 
-    The circles ``free`` stay clear of solids; ``events`` are the mission's.
+    The circles ``free`` are kept clear of solids; ``events`` are the mission's.
     """
 
     rng: np.random.Generator
@@ -112,7 +112,7 @@ class WorldDraft:
 
     @classmethod
     def empty(cls, rng: np.random.Generator, width: float, depth: float) -> WorldDraft:
-        """An empty floor of ``width`` (x) and ``depth`` (y) [m]."""
+        """Make an empty floor of ``width`` (x) and ``depth`` (y) [m]."""
         palette = Palette(rng)
         width, depth = rounded(width, depth)
         draft = cls(rng, (0.0, width), (0.0, depth), palette)
@@ -129,7 +129,7 @@ class WorldDraft:
         )
 
     def keep_free(self, x: float, y: float, radius: float) -> None:
-        """Keep solids at least ``radius`` [m] from a point."""
+        """Keep solids that are added later at least ``radius`` [m] from x, y [m]."""
         self.free.append(Circle(x, y, radius))
 
     def set_start_and_goal(self, start: Point, goal: Point, towards: Point | None = None) -> None:
@@ -151,7 +151,7 @@ class WorldDraft:
         return all(gap_between(shape, other) >= gap for other in self.shapes)
 
     def add(self, name: str, shape: Shape, height: float, texture: str) -> None:
-        """Add a box or cylinder with this outline."""
+        """Add a box or cylinder of that outline and ``height`` [m], without checking it."""
         self.shapes.append(shape)
         x, y, yaw, tall = rounded(shape.x, shape.y, shape.yaw, height)
         if isinstance(shape, Circle):
@@ -169,7 +169,7 @@ class WorldDraft:
             )
 
     def world(self, name: str) -> worldspec.WorldSpec:
-        """The specification of the world so far."""
+        """Make the specification of the world so far."""
         return worldspec.WorldSpec(
             name=name,
             description=self.description,
@@ -178,7 +178,7 @@ class WorldDraft:
         )
 
     def geometry(self) -> SceneGeometry:
-        """The geometry of the world so far."""
+        """Make the geometry of the world so far."""
         return SceneGeometry.from_world(self.world("draft"), ROBOT.height)
 
 
@@ -186,13 +186,13 @@ MISSION = "cross"
 """Name of the mission in a generated folder."""
 
 MIN_PATH = 5.0
-"""Least length [m] of the way of a mission that is made with a world."""
+"""Smallest length [m] of the path of a mission that is made with a world."""
 
 MAP_FILE = "map.yaml"
 """Name of the map file in a generated folder, beside ``world.yaml``."""
 
 _PLAN_FILE = "plan.yaml"
-"""Name of a map's floor plan in a generated folder, beside the map."""
+"""Name of the file of a map's floor plan in a generated folder, beside the map."""
 
 _HEADER = "# Made by navfw"
 """Beginning of generated files, by which they are recognised."""
@@ -201,9 +201,9 @@ _NOTICE = f"{_HEADER}; generating it again overwrites changes.\n"
 
 @dataclass(frozen=True, kw_only=True)
 class MadeWorld:
-    """A world with missions by name, each of which can be accomplished in it, and their map.
+    """A world with its missions by name, each of which is feasible, and their map.
 
-    Where no mission names a map file, the map has only start and goal, and is not written.
+    If no mission names a map file, the map has only start and goal, and is not written.
     """
 
     world: WorldSpec
@@ -217,17 +217,17 @@ class MadeWorld:
 
     @property
     def has_map(self) -> bool:
-        """Whether a map file is written."""
+        """Whether ``write`` writes a map file."""
         return any(mission.map is not None for mission in self.missions.values())
 
     def write(self, folder: str | Path) -> Path:
         """Write a folder for ``navfw run FOLDER MISSION``, and return it.
 
-        An older one is replaced; other files in it, such as further missions, are kept. A map's
+        Generated files in it are replaced; other files, such as further missions, are kept. A map's
         floor plan is written beside it.
 
         Raises:
-            InputError: the folder cannot be written, or holds files not generated by navfw.
+            InputError: the folder cannot be written, or its world was not made by navfw.
 
         """
         folder = Path(folder)
