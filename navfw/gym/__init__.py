@@ -19,17 +19,17 @@ with extra_imports("gym", key="navfw.gym"):
     import gymnasium
 
 _VERSION = 0
-"""Raised when a change of worlds, observations or rewards makes results no longer comparable."""
+"""It is raised when a change of worlds, observations or rewards makes results incomparable."""
 
 _CLASS = "navfw.gym.mission_env:MissionEnv"
 
 IDS = {
     f"navfw/{family.capitalize()}-v{_VERSION}": {"family": family} for family in BUILT_IN["family"]
 } | {f"navfw/Mission-v{_VERSION}": {}}
-"""The ids, each with the parameters that it stands for."""
+"""The ids of the environments, each with the parameters that it fixes."""
 
 MAX_STEPS = 6000
-"""Largest number of steps, 10 min: more than the time limit of any mission of a family."""
+"""Largest number of steps, 10 min: longer than the time limit of any family's mission."""
 
 for _id, _parameters in IDS.items():
     if _id not in gymnasium.registry:

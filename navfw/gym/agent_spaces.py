@@ -1,9 +1,9 @@
-"""What an agent observes and decides.
+"""Observations and actions of an agent.
 
-It observes nothing but what the stack itself senses, infers and believes. Every observation is a
+It observes only what the stack itself senses, infers and believes. Every observation is a
 dictionary with ``waypoint`` and ``twist``, and the entries of one kind. Arrays are float32 unless
-said otherwise. What is not known is 0, with a confidence of 0. The agent's last action is the
-answer of a plugin of the stack.
+said otherwise. Unknown values are 0, with a confidence of 0. The agent's last action is the answer
+of a plugin of the stack.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from navfw.signals import Command, Label, Pose, Proposal, Twist
 from navfw.stack import Stack
 
 Action = Literal["twist", "weights"]
-"""What an agent decides: the twist in the place of fusion, or the composite's weights."""
+"""What an agent decides: the twist, instead of fusion, or the weights, instead of the composite."""
 
 AgentChoice = npt.NDArray[np.float32]
-"""An element of a space of actions."""
+"""An action: an element of a space of actions."""
 
 
 class AgentCommand(Fusion):
-    """Commands the twist that an agent has chosen; no behaviour is asked.
+    """A fusion that commands the twist chosen by an agent; no behaviour is called.
 
     An action is (2,) in [-1, 1]: speed and turning rate, in units of the largest of the command
     grid. 1 is the top speed and the top turning rate to the left, -1 the top speed backwards and
@@ -50,20 +50,20 @@ class AgentCommand(Fusion):
     twist: Twist = Twist(0.0, 0.0)
 
     def reset(self) -> None:
-        """Back to standstill, until the first action."""
+        """Command standstill until the first action."""
         self.twist = Twist(0.0, 0.0)
 
     def fuse(self, context: Context, proposals: Mapping[str, Proposal]) -> Command:
-        """The agent's command."""
+        """Return the agent's command."""
         return Command(context.time, self.twist, "agent", "the agent's action")
 
     @staticmethod
     def action_space(stack: Stack) -> spaces.Box:
-        """The actions for stacks like ``stack``."""
+        """The space of actions for stacks like ``stack``."""
         return spaces.Box(-1.0, 1.0, (2,), np.float32)
 
     def act(self, stack: Stack, action: AgentChoice) -> None:
-        """Let ``action`` hold from the next decision of ``stack`` on."""
+        """Apply ``action`` from the next decision of ``stack`` on."""
         commands = stack.mofis.commands
         speed, turn = (float(value) for value in action)
         v = speed * (commands.max_v if speed > 0.0 else -float(commands.v[0]))
@@ -71,7 +71,7 @@ class AgentCommand(Fusion):
 
 
 class AgentWeights(Composite):
-    """Weighs the behaviours as an agent has chosen.
+    """A composite that weighs the behaviours as chosen by an agent.
 
     An action is (n,) in [0, 1]: the weight of each behaviour, in the order of the stack file.
     """
@@ -81,20 +81,20 @@ class AgentWeights(Composite):
     weights: Mapping[str, float] = MappingProxyType({})
 
     def reset(self) -> None:
-        """Back to full weight for all behaviours, until the first action."""
+        """Give all behaviours full weight until the first action."""
         self.weights = {}
 
     def weigh(self, context: Context) -> Mapping[str, float]:
-        """The agent's weights."""
+        """Return the agent's weights."""
         return self.weights
 
     @staticmethod
     def action_space(stack: Stack) -> spaces.Box:
-        """The actions for stacks like ``stack``."""
+        """The space of actions for stacks like ``stack``."""
         return spaces.Box(0.0, 1.0, (len(stack.mofis.behaviors),), np.float32)
 
     def act(self, stack: Stack, action: AgentChoice) -> None:
-        """Let ``action`` hold from the next decision of ``stack`` on."""
+        """Apply ``action`` from the next decision of ``stack`` on."""
         self.weights = dict(zip(stack.mofis.behaviors, map(float, action), strict=True))
 
 
@@ -144,7 +144,7 @@ class ImageObservation:
         self.spaces = {"image": spaces.Box(0, 255, (camera.height, camera.width), np.uint8)}
 
     def read(self, tick: TickView, stack: Stack) -> dict[str, Any]:
-        """The image, if a frame came with this tick."""
+        """Return the image if a frame came with this tick."""
         return {} if tick.image is None else {"image": tick.image}
 
 
@@ -160,7 +160,7 @@ class FlowObservation:
         self.spaces = {"flow": _box(-reach, reach, 2, *grid), "flow_confidence": _box(0, 1, *grid)}
 
     def read(self, tick: TickView, stack: Stack) -> dict[str, Any]:
-        """The newest flow."""
+        """Return the newest flow."""
         if tick.flow is None:
             return {}
         vectors = np.moveaxis(tick.flow.vectors, -1, 0)
@@ -188,7 +188,7 @@ class PerceptObservation:
         }
 
     def read(self, tick: TickView, stack: Stack) -> dict[str, Any]:
-        """The newest percept."""
+        """Return the newest percept."""
         seen = tick.percept
         if seen is None:
             return {}
@@ -216,7 +216,7 @@ class LocalMapObservation:
         self.spaces = {"local_map": _box(low, high, grid.size, grid.size)}
 
     def read(self, tick: TickView, stack: Stack) -> dict[str, Any]:
-        """The local map, turned into the robot's axes."""
+        """Return the local map, turned into the robot's axes."""
         grid, odometry = stack.local_map.occupancy, tick.state.odometry
         if odometry is None or not grid.located:
             return {}
@@ -250,7 +250,7 @@ def _grid_of(stack: Stack) -> tuple[int, int]:
 
 
 ObservationKind = ImageObservation | FlowObservation | PerceptObservation | LocalMapObservation
-"""``spaces`` by name, and ``read``: a value for each of them at a tick; those left out are 0."""
+"""Has ``spaces`` by name, and ``read``, their values at a tick; those left out are 0."""
 
 KINDS: dict[str, type[ObservationKind]] = {
     "image": ImageObservation,
@@ -262,10 +262,10 @@ KINDS: dict[str, type[ObservationKind]] = {
 
 
 class AgentView:
-    """Observations of one kind with ``waypoint`` and ``twist``.
+    """Makes observations of one kind with ``waypoint`` and ``twist``.
 
-    ``waypoint`` (2,) [m]: the waypoint to head for in base_link, ahead and left, where the stack
-    believes it to be; 0, 0 without one. ``twist`` (2,): the measured v [m/s] and w [rad/s].
+    ``waypoint`` (2,) [m]: the next waypoint in base_link, ahead and left, according to the stack's
+    belief; 0, 0 without one. ``twist`` (2,): the measured v [m/s] and w [rad/s].
     """
 
     def __init__(self, kind: ObservationKind, stack: Stack) -> None:
@@ -280,7 +280,7 @@ class AgentView:
         self.space = spaces.Dict(dict(self._boxes))
 
     def read(self, tick: TickView, stack: Stack) -> dict[str, Any]:
-        """The observation at a tick."""
+        """Return the observation at a tick."""
         state, values = tick.state, self._kind.read(tick, stack)
         if state.waypoint is not None and state.belief is not None:
             values["waypoint"] = state.belief.pose.to_local(state.waypoint.x, state.waypoint.y)

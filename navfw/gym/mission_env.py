@@ -1,4 +1,4 @@
-"""A mission as an environment of Gymnasium: one step is one camera frame."""
+"""A mission as a Gymnasium environment: one step is one camera frame."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from navfw.suite.case import Case
 from navfw.suite.suitefile import EntrySpec, parse_seeds
 
 COARSE = ("robot.control_rate=10",)
-"""The changes of a coarse environment: one control tick a frame."""
+"""The settings of a ``coarse`` environment: one control tick per frame."""
 UNDRAWN = ("oracle=true", "flow={ideal: {noisy: true}}", "movers.detect=false", "stixels=false")
-"""The changes of an environment without drawing: flow from the simulator's truth with measured
-noise, nothing that needs images."""
+"""The settings of an environment that is not ``drawn``: flow from the simulator's truth with
+measured noise, and no stage that needs images."""
 
 _MAX_KEPT = 4
 """Number of sessions that are kept for a reset with the same seed."""
@@ -72,9 +72,9 @@ class RewardWeights(StrictModel):
 def reward_terms(
     weights: RewardWeights, progress: float, time: float, outcome: Outcome | None
 ) -> dict[str, float]:
-    """Each term of the reward of a step that took ``time`` [s] and brought ``progress`` [m].
+    """Compute the terms of the reward of a step with ``time`` [s] and ``progress`` [m].
 
-    ``outcome`` is the mission's, or None if it goes on.
+    ``outcome`` is the mission's; None while it goes on.
     """
     terms = {"progress": weights.progress * progress, "time": weights.time * time}
     if outcome is not None and outcome.succeeded:
@@ -87,7 +87,7 @@ def reward_terms(
 
 
 class RemainingWay:
-    """The length [m] of the shortest way through the goals that are left, from the true pose.
+    """Computes the length [m] of the shortest path through the remaining goals, from the true pose.
 
     Doors that an event closes count as they are at the start.
     """
@@ -101,7 +101,7 @@ class RemainingWay:
         self._behind = [sum(legs[index:]) for index in range(len(goals))]
 
     def update(self, pose: Array) -> float:
-        """The length from the true ``pose`` (3,): x, y [m], yaw [rad]."""
+        """Return the length [m] from the true ``pose`` (3,): x, y [m], yaw [rad]."""
         place = Pose(*pose.tolist())
         self._checker.update(place)
         index = min(self._checker.next, len(self._fields) - 1)
@@ -113,23 +113,23 @@ Seen = dict[str, Any]
 
 
 class MissionEnv(gymnasium.Env[Seen, Any]):
-    """Drives missions step by step; an agent takes the place of fusion, or of the composite.
+    """Drives missions step by step; an agent replaces fusion, or the composite.
 
-    Either ``family`` with its ``difficulty`` (a number, or a range that the seed draws from), or
-    ``world`` and ``mission``. ``reset(seed=N)`` drives the run with seed N, with the same world and
-    noise as ``navfw suite``; ``reset()`` draws N from ``seeds`` (``A:B``). ``changes`` are values
-    as for ``--set``; ``reward`` weights of terms (``RewardWeights``). If ``coarse``, physics and
-    control have longer steps: faster, and not quite the run of ``navfw suite``. If not ``drawn``,
-    no images are rendered either, and flow is that of ``UNDRAWN``: marked as ``oracle``.
+    Give either ``family`` with its ``difficulty`` (a number, or a range that the seed draws from),
+    or ``world`` and ``mission``. ``reset(seed=N)`` drives the run with seed N, with the same world
+    and noise as ``navfw suite``; ``reset()`` draws N from ``seeds`` (``A:B``). ``changes`` are
+    values as for ``--set``; ``reward`` has weights of terms (``RewardWeights``). If ``coarse``,
+    physics and control take longer steps: faster, and not quite the run of ``navfw suite``. If not
+    ``drawn``, no images are rendered, and flow is that of ``UNDRAWN``; results are marked as
+    ``oracle``.
 
     A step lasts one period of the camera, and an action takes effect with the decision on the next
     frame. The wheel drive's limits and the safety monitor stay between the agent and the wheels.
-    The stack decides when it has arrived. Observations hold what the stack knows; truth is in
-    reward and info only. An episode ends with its mission; by the mission's time limit it is
-    truncated.
+    The stack decides when it has arrived. Observations hold only what the stack knows; truth is in
+    reward and info. An episode ends with its mission; at the mission's time limit it is truncated.
 
     Raises:
-        InputError: one of the parameters is wrong; the message says which.
+        InputError: a parameter is wrong; the message says which.
 
     """
 
@@ -186,8 +186,8 @@ class MissionEnv(gymnasium.Env[Seen, Any]):
     ) -> tuple[Seen, dict[str, Any]]:
         """Begin a run, and drive it up to the stack's first decision.
 
-        ``seed`` None goes on in the sequence of seeds, as in all environments of Gymnasium: the
-        same after ``reset(seed=N)``, another each time if no reset had a seed.
+        Without ``seed`` it takes the next of the random sequence of seeds, as Gymnasium does: the
+        same after ``reset(seed=N)``, a different one each time if no reset had a seed.
 
         Raises:
             InputError: the seed is out of range.
@@ -213,7 +213,7 @@ class MissionEnv(gymnasium.Env[Seen, Any]):
         return self._view.read(self._last, self._stack), self._info()
 
     def step(self, action: AgentChoice) -> tuple[Seen, float, bool, bool, dict[str, Any]]:
-        """Let ``action`` hold for one period of the camera.
+        """Apply ``action`` for one period of the camera.
 
         Raises:
             InputError: there is no run; ``reset`` begins one.
@@ -244,13 +244,13 @@ class MissionEnv(gymnasium.Env[Seen, Any]):
         return seen, sum(terms.values()), outcome is not None and not truncated, truncated, info
 
     def render(self) -> Image | None:
-        """The newest camera image as (height, width, 3), for the render mode ``rgb_array``."""
+        """Return the newest camera image (height, width, 3) in mode ``rgb_array``, else None."""
         if self.render_mode is None:
             return None
         return np.repeat(self._image[:, :, None], 3, axis=2)
 
     def close(self) -> None:
-        """End the run; ``reset`` begins another."""
+        """End the run; ``reset`` begins another one."""
         if self._run is not None:
             self._run.__exit__(None, None, None)
             self._run = None

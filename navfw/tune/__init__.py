@@ -1,4 +1,4 @@
-"""Tuning of a stack's parameters and of the break points of its rules, by Optuna."""
+"""Tunes a stack's parameters and the break points of its rules with Optuna."""
 
 import lazy_loader
 

@@ -1,8 +1,7 @@
-"""What is tuned: bounded numbers of plugins, and break points of rule bases.
+"""The search space: bounded numbers of plugins, and break points of rule bases.
 
-Each is a coordinate: it suggests a value to a trial, and gives the settings of the stack that the
-value means. Break points keep their order: what is searched are the factors by which the gaps
-between them grow or shrink.
+Each is a coordinate: it suggests a value to a trial, and returns the settings of the stack for it.
+Break points keep their order: the search varies factors by which the gaps between them change.
 """
 
 from __future__ import annotations
@@ -28,12 +27,12 @@ if TYPE_CHECKING:
     from optuna.trial import BaseTrial
 
 _GAP_FACTOR = 2.0
-"""Largest factor by which a gap between two break points grows or shrinks, beside the others."""
+"""Largest factor by which a gap between two break points changes relative to the others."""
 
 
 @dataclass(frozen=True)
 class TunedNumber:
-    """A number of a plugin with both bounds at ``path``; ``now`` is its value in the stack."""
+    """A number of a plugin with both bounds, at ``path``; ``now`` is its value in the stack."""
 
     path: str
     low: float
@@ -42,11 +41,11 @@ class TunedNumber:
     now: float
 
     def start(self) -> dict[str, float]:
-        """Its value in the stack as it is, by the name of Optuna's parameter."""
+        """Its present value in the stack, by the name of Optuna's parameter."""
         return {self.path: self.now}
 
     def suggest(self, trial: BaseTrial) -> float:
-        """A number within the bounds."""
+        """Let ``trial`` choose a number within the bounds."""
         if self.whole:
             return trial.suggest_int(self.path, round(self.low), round(self.high))
         return trial.suggest_float(self.path, self.low, self.high)
@@ -56,7 +55,7 @@ class TunedNumber:
 class BreakPoints:
     """The break points of an input of a rule base that lie within its range.
 
-    Terms that share a break point go on sharing it, so that what meets goes on meeting.
+    Terms that share a break point continue to share it, so that adjacent terms stay adjacent.
     """
 
     path: str
@@ -78,19 +77,19 @@ class BreakPoints:
         return [f"{self.path}[{index}]" for index in range(len(self.points) + 1)]
 
     def start(self) -> dict[str, float]:
-        """All gaps as they are."""
+        """Factors of 1 for all gaps: the rule base as it is."""
         return dict.fromkeys(self._names(), 1.0)
 
     def suggest(self, trial: BaseTrial) -> dict[str, list[float]]:
-        """The corners of each term."""
+        """Let ``trial`` choose the gaps; return the corners of each term."""
         low, high = 1.0 / _GAP_FACTOR, _GAP_FACTOR
         return self.moved([trial.suggest_float(n, low, high, log=True) for n in self._names()])
 
     def moved(self, factors: Sequence[float]) -> dict[str, list[float]]:
-        """The corners of each term after each gap has changed by its factor; all fill the range.
+        """Multiply each gap by its factor, scaled to fill the range; return each term's corners.
 
         Raises:
-            RuleBaseError: with them the rules do not cover their inputs.
+            RuleBaseError: the rules would not cover their inputs.
 
         """
         low, high = self.variable.low, self.variable.high
@@ -111,14 +110,14 @@ class BreakPoints:
 
 @dataclass(frozen=True)
 class TunedVariant:
-    """One of several values at ``path``, each as the text of ``--set``; the first one at first."""
+    """Several values at ``path``, each as the text of ``--set``; a search starts with the first."""
 
     path: str
     texts: tuple[str, ...]
 
     @classmethod
     def parse(cls, text: str) -> TunedVariant:
-        """From ``PATH=A|B``.
+        """Parse ``PATH=A|B``.
 
         Raises:
             ConfigError: there are not at least two values, or they are malformed.
@@ -138,7 +137,7 @@ class TunedVariant:
         return {self.path: self.texts[0]}
 
     def suggest(self, trial: BaseTrial) -> object:
-        """One of the values."""
+        """Let ``trial`` choose one of the values."""
         chosen = trial.suggest_categorical(self.path, self.texts)
         return parse_override(f"{self.path}={chosen}").value
 
@@ -148,7 +147,7 @@ Coordinate = TunedNumber | BreakPoints | TunedVariant
 
 @dataclass(frozen=True)
 class SearchSpace:
-    """All coordinates, in the order in which they were asked for."""
+    """All coordinates, in the order in which they were requested."""
 
     coordinates: tuple[Coordinate, ...]
 
@@ -157,7 +156,7 @@ class SearchSpace:
         return {k: v for coordinate in self.coordinates for k, v in coordinate.start().items()}
 
     def settings(self, trial: BaseTrial) -> dict[str, object]:
-        """The values that a trial takes, by path, as for ``--set``."""
+        """Let ``trial`` choose all values; return them by path, as for ``--set``."""
         return {c.path: c.suggest(trial) for c in self.coordinates}
 
 
@@ -168,14 +167,14 @@ def search_space(
     robot: RobotModel,
     variants: Sequence[str] = (),
 ) -> SearchSpace:
-    """The coordinates of the ``parameters``, ``rules`` and ``variants`` of a stack.
+    """Find the coordinates of the ``parameters``, ``rules`` and ``variants`` of a stack.
 
     A parameter is ``PLUGIN.NAME``, or ``PLUGIN`` for all its bounded numbers; rules are ``PLUGIN``
     or ``PLUGIN.INPUT``; a variant is ``PATH=A|B``.
 
     Raises:
         UnknownNameError: the stack has no such plugin, parameter or input.
-        ConfigError: a parameter is no number with both bounds, or a plugin has no rule base.
+        ConfigError: a parameter is not a number with both bounds, or a plugin has no rule base.
 
     """
     plugins = {choice.name: choice for choice in config.stages.values()} | dict(config.behaviors)

@@ -1,4 +1,4 @@
-"""One tuning from names to files: the study of a suite with a stack, its folder, its validation."""
+"""A tuning from names to files: the study of a suite with a stack, its folder, its validation."""
 
 from __future__ import annotations
 
@@ -48,14 +48,14 @@ _IDENTITY = "identity"
 def open_study(
     folder: Path, identity: Mapping[str, Any], *, resume: bool, seed: int
 ) -> optuna.Study:
-    """A new study in ``folder``, or the one that is there, in the file ``study.db``.
+    """Create a study in ``folder``, or open the existing one to resume it (``study.db``).
 
-    ``identity`` has what its scores depend on, by name: suite, seeds, stack and so on.
+    ``identity`` has everything its scores depend on, by name: suite, seeds, stack and so on.
 
     Raises:
         InputError: there is a study already, or none to resume, or one of other runs, or the
             folder cannot be written.
-        ConfigError: the file is no study.
+        ConfigError: the file is not a study.
 
     """
     database = folder / "study.db"
@@ -143,10 +143,10 @@ _RESAMPLES = 9999
 def validated_difference(
     before: Sequence[RunRow], after: Sequence[RunRow], objectives: Objectives
 ) -> dict[str, Any]:
-    """The mean difference of the score, tuned minus untuned, over the same runs in the same order.
+    """Mean difference of the score, tuned minus untuned, over the same runs in the same order.
 
-    ``interval`` is its 95 % bootstrap interval over runs (percentiles). ``better`` is whether all
-    of it is above 0.
+    ``interval`` is its 95 % bootstrap interval over runs (percentiles). ``better`` is whether the
+    whole interval is above 0.
     """
     from scipy.stats import bootstrap
 
@@ -176,7 +176,7 @@ def validated_difference(
 
 @dataclass(frozen=True)
 class StackStudy:
-    """What a study searches, and on which runs: ``training`` and ``validation`` share no seed."""
+    """What a study searches, and its runs: ``training`` and ``validation`` share no seed."""
 
     stack: str
     config: StackConfig
@@ -250,13 +250,13 @@ class StackStudy:
         on_trial: Callable[[FrozenTrial], None] | None = None,
         minutes: float = math.inf,
     ) -> dict[str, Any]:
-        """Tune up to ``trials`` trials or ``minutes``, validate the best, write all files.
+        """Tune up to ``trials`` trials or ``minutes``, validate the best one, write all files.
 
         Returns the content of ``validation.json``.
 
         Raises:
             InputError: the folder has a study of other runs, or cannot be written.
-            KeyboardInterrupt: of the user; ``resume`` goes on with the finished trials.
+            KeyboardInterrupt: the user interrupted; ``resume`` continues from the finished trials.
 
         """
         study = open_study(folder, self.identity, resume=resume, seed=seed)

@@ -1,4 +1,4 @@
-"""Drives the runs of a trial by an engine, a few at a time, so that it can be pruned."""
+"""Drives the runs of a trial with an engine, a few at a time, so that the trial can be pruned."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from navfw.suite.suite_run import Engine, answered_row
 from navfw.tune.search_spaces import SearchSpace
 
 CLEAR = 0.5
-"""Clearance [m] from which more of it counts no more."""
+"""Clearance [m] above which the score does not increase."""
 
 SCORES: Mapping[str, Callable[[RunRow], float]] = {
     "success": lambda row: float(row.succeeded),
@@ -28,7 +28,7 @@ SCORES: Mapping[str, Callable[[RunRow], float]] = {
     "sct": lambda row: row.sct or 0.0,
     "clearance": lambda row: min(max(row.clearance_p05_m or 0.0, 0.0) / CLEAR, 1.0),
 }
-"""The scores of a run; ``clearance`` is its 5th percentile, in units of ``CLEAR``."""
+"""The scores of a run, in [0, 1]; ``clearance`` is its 5th percentile, in units of ``CLEAR``."""
 
 
 @dataclass(frozen=True)
@@ -39,13 +39,13 @@ class Objectives:
 
     @classmethod
     def parse(cls, texts: Sequence[str]) -> Objectives:
-        """From ``NAME`` or ``NAME=WEIGHT``.
+        """Parse ``NAME`` or ``NAME=WEIGHT``.
 
         >>> Objectives.parse(["success=3", "spl"]).weights
         {'success': 0.75, 'spl': 0.25}
 
         Raises:
-            InputError: there is no such score, or a weight is no positive number.
+            InputError: there is no such score, or a weight is not a positive number.
 
         """
         weights: dict[str, float] = {}
@@ -69,19 +69,19 @@ class Objectives:
         return sum(weight * SCORES[name](row) for name, weight in self.weights.items())
 
     def parts(self, rows: Sequence[RunRow]) -> dict[str, float]:
-        """The mean of each score over runs."""
+        """The mean of each score over ``rows``."""
         return {name: sum(SCORES[name](row) for row in rows) / len(rows) for name in self.weights}
 
 
 Drive = Callable[[Sequence[Case]], Iterator[RunRow]]
-"""Drives cases, and yields a row for each, in their order."""
+"""A function that drives cases, and yields a row for each, in their order."""
 
 SETTINGS = "settings"
-"""User attribute of a trial: the values of the stack that it took, by path."""
+"""User attribute of a trial: the values of the stack that it chose, by path."""
 
 
 def sampler_and_pruner(seed: int) -> tuple[optuna.samplers.BaseSampler, optuna.pruners.BasePruner]:
-    """TPE over all coordinates together; Wilcoxon's test against the best trial, run by run."""
+    """TPE over all coordinates jointly; Wilcoxon's test against the best trial, run by run."""
     with warnings.catch_warnings():  # of an interface that may change; the version is pinned
         warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
         sampler = optuna.samplers.TPESampler(seed=seed, multivariate=True)
@@ -90,7 +90,7 @@ def sampler_and_pruner(seed: int) -> tuple[optuna.samplers.BaseSampler, optuna.p
 
 
 def finished(study: optuna.Study) -> list[FrozenTrial]:
-    """The trials that count: complete, or pruned."""
+    """The trials that count: complete or pruned ones."""
     return study.get_trials(deepcopy=False, states=(TrialState.COMPLETE, TrialState.PRUNED))
 
 
@@ -106,13 +106,12 @@ def run_trials(
 ) -> None:
     """Add trials until ``trials`` are finished; the first one is the stack as it is.
 
-    After ``minutes`` of wall-clock time none is begun any more, but for the first.
-
-    A trial whose runs are so far worse than the same runs of the best trial is pruned. A trial that
-    an interruption leaves unfinished is not counted.
+    After ``minutes`` of wall-clock time no further trial is begun, except the first. A trial whose
+    runs so far are worse than the same runs of the best trial is pruned. A trial that an
+    interruption leaves unfinished is not counted.
 
     Raises:
-        KeyboardInterrupt: of the user; all finished trials are in the study.
+        KeyboardInterrupt: the user interrupted; all finished trials are in the study.
 
     """
     for stale in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
@@ -146,15 +145,15 @@ def run_trials(
 
 
 def with_settings(cases: Sequence[Case], settings: Mapping[str, object]) -> list[Case]:
-    """``cases`` with these values of the stack, over those that the suite sets."""
+    """Return ``cases`` with these settings of the stack, which override those of the suite."""
     changes = override_texts(settings)
     return [replace(case, overrides=(*case.overrides, *changes)) for case in cases]
 
 
 def driver(engine: Engine) -> Drive:
-    """A ``Drive`` by ``engine``: as many runs at once as it has places for.
+    """Make a ``Drive`` from ``engine``, with as many runs at the same time as its capacity.
 
-    A run that dies with its process is driven again, once; then it counts as a fault.
+    A run whose process died is driven again, once; then it counts as a fault.
     """
 
     def drive(cases: Sequence[Case]) -> Iterator[RunRow]:
