@@ -1,4 +1,4 @@
-"""The map that grows while the robot drives, in the frame ``map``, made of what it has observed.
+"""The map that grows while the robot drives, in the frame ``map``, from its observations.
 
 ``submaps`` takes from the local map what was observed since the last key pose; ``growing_map``
 joins these submaps at their poses to one global grid of evidence.

@@ -14,14 +14,14 @@ from navfw.signals import Pose
 from navfw.signals.grown_grid import Evidence
 
 _BLOCK = 128  # chosen
-"""Cells by which the grid grows at a time."""
+"""Number of cells by which the grid grows at a time."""
 
 
 @dataclass(frozen=True, slots=True)
 class KeyPose:
-    """A submap, and ``pose``: where in ``map`` the robot was at its key pose.
+    """A submap, and the robot's ``pose`` in ``map`` when it was taken (at the key pose).
 
-    ``path`` [m] is what it had driven by then.
+    ``path`` [m] is the distance driven by then.
     """
 
     submap: Submap
@@ -30,7 +30,7 @@ class KeyPose:
 
     @property
     def correction(self) -> Pose:
-        """The pose of ``odom`` in ``map`` by which the submap is placed."""
+        """The pose of the frame ``odom`` in ``map`` at which the submap is placed."""
         return self.pose.frame_of(self.submap.key)
 
 
@@ -62,7 +62,7 @@ class EvidenceGrid:
         merge_submap(self.cells, key.submap.evidence, *_placed(key, corners[0], column, row))
 
     def renew(self, keys: Sequence[KeyPose], moved: Sequence[KeyPose]) -> None:
-        """Make the grid anew of ``keys`` where ``moved`` ones, at old and new poses, have been."""
+        """Recompute the cells that ``moved`` key poses, old and new, cover, from all ``keys``."""
         if not moved:
             return
         corners = np.concatenate([self._corners(key) for key in moved])

@@ -18,7 +18,7 @@ def merge_submap(grid: Evidence, submap: Evidence, column: float, row: float, tu
     """Merge the evidence of ``submap`` into ``grid``, in place.
 
     Args:
-        grid: (rows, columns) evidence; what lies outside it is left out.
+        grid: (rows, columns) evidence; cells of the submap outside of it are left out.
         submap: (rows, columns) evidence, 0 where nothing was observed.
         column: column of ``grid`` at which the centre of the submap's cell [0, 0] lies [cells].
         row: the same for its row.

@@ -1,8 +1,8 @@
 """The growing map: submaps at key poses, joined to one global grid of evidence.
 
-A key pose is taken every 1.2 m or 45 degrees, with a submap of what was observed since the last
-one. Submaps are merged in their order, so that what was seen later supersedes what was seen before.
-Where the robot comes back, the key poses are corrected, and the grid is made anew.
+A key pose is taken every 1.2 m or 0.8 rad, with a submap of what was observed since the last one.
+Submaps are merged in their order, so that later observations supersede earlier ones. If the robot
+comes back to known ground, the key poses are corrected, and the grid is recomputed.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from navfw.robot import RobotModel
 from navfw.signals import GrownGrid, OccupiedDisc, Odometry, Percept, Pose, wrap_angle
 
 _NEAR, _SCAN_EVERY = 2.4, 0.15  # chosen
-"""Path [m] whose points are matched together, and between two images whose points are taken."""
+"""Path [m] whose points are matched together, and between two images that give points."""
 
 _EXACT, _POINTS = 0.15, 400  # measured
-"""Largest standard deviation [m] of a point that is matched, and about how many are. In two tours
-95 % of the points below 0.1 m lay within 0.08 m of a true surface, below 0.2 m within 0.2 m."""
+"""Largest standard deviation [m] of matched points, and about how many are. In two tours 95 % of
+the points below 0.1 m lay within 0.08 m of a true surface, below 0.2 m within 0.2 m."""
 
 _KEPT = 150  # chosen
-"""About how many points are kept for each key pose."""
+"""Approximate number of points that are kept for each key pose."""
 
 _KEY_DISTANCE, _KEY_TURN = 1.2, 0.8  # chosen
 """Distance driven [m], or turn [rad], between key poses."""
@@ -40,23 +40,22 @@ _KEY_DISTANCE, _KEY_TURN = 1.2, 0.8  # chosen
 _NO_SCAN = PlanScan(np.empty((0, 2)), np.empty(0), np.empty((0, 2)))  # defined
 
 _UNRELATED = 100.0  # chosen
-"""Path [m] between two maps that are joined: nothing is known of the way between them."""
+"""Path [m] assumed between two maps that are joined, as the path between them is unknown."""
 
 _BLOCK = 32  # chosen
-"""Cells a side of the blocks in which it is kept when each was seen last."""
+"""Cells along the side of the blocks that store when each cell was seen last."""
 
 _SETTLED = 0.02  # chosen
-"""Distance [m], or turn [rad] by 1 m, that no key pose may have moved for the grid to stay."""
+"""Distance [m], or turn [rad], that a key pose may move before the grid is recomputed."""
 
 
 class GrowingMap:
     """Joins what one robot's local map observes to a grid in the frame ``map``.
 
-    With ``close_loops`` the poses are corrected where the robot sees earlier ground again. Without,
-    a localiser places each submap for good, and none is kept.
-
-    ``correction`` is the pose of ``odom`` in ``map``. ``keys`` are the key poses that are kept,
-    ``clouds`` some of the points seen around each.
+    With ``close_loops`` the poses are corrected when the robot sees known ground again. Without it,
+    a localiser places each submap permanently, and no key poses are kept. ``correction`` is the
+    pose of ``odom`` in ``map``. ``keys`` are the key poses that are kept, ``clouds`` some of the
+    points seen around each.
     """
 
     def __init__(self, robot: RobotModel, close_loops: bool = True) -> None:
@@ -66,7 +65,7 @@ class GrowingMap:
         self.reset()
 
     def reset(self, start: Pose | None = None) -> None:
-        """Begin an empty map in whose frame the robot is at ``start``, by default the origin."""
+        """Begin an empty map in which the robot is at ``start``, by default the origin."""
         self._start = start or Pose(0.0, 0.0, 0.0)
         self._cutter.reset()
         self.keys: list[KeyPose] = []
@@ -97,9 +96,9 @@ class GrowingMap:
     ) -> bool:
         """Take in a camera frame, after ``local_map`` has; return whether a key pose was added.
 
-        What was observed under ``moving`` obstacles (odom) is left out. ``percept``, seen from odom
-        pose ``seen_from``, shows the surfaces by which the robot recognises earlier ground.
-        ``placed`` is the pose in ``map`` by a localiser, if there is one.
+        Cells under ``moving`` obstacles (odom) are left out. ``percept``, seen from the odom pose
+        ``seen_from``, shows the surfaces by which the robot recognises known ground. ``placed`` is
+        a localiser's pose in ``map``, if there is one.
         """
         last, self._odometry = self._odometry, odometry
         self._local_map, self._moving = local_map, moving
@@ -122,7 +121,7 @@ class GrowingMap:
         return True
 
     def finish(self) -> None:
-        """Add a key pose where the robot is, with what was observed since the last one."""
+        """Add a key pose at the robot's pose, with what was observed since the last one."""
         if self._odometry is None or self._local_map is None or self._grid is None:
             return
         self._driven = self._turned = 0.0
@@ -146,7 +145,7 @@ class GrowingMap:
                 self._settle(len(self.keys))
 
     def end(self) -> None:
-        """Add the last key pose; what the local map observes from now on is not of this map."""
+        """Add the last key pose; later observations are not added to this map."""
         self.finish()
         self._local_map = None
 
@@ -176,7 +175,7 @@ class GrowingMap:
     def join(self, other: GrowingMap, frame: Pose, relations: Sequence[Relation]) -> None:
         """Add all key poses of ``other``, whose frame ``map`` has the pose ``frame`` in this one's.
 
-        ``relations`` are between key poses of this map and those of the other, counted on.
+        ``relations`` are between key poses of this map and those of the other, numbered after them.
         """
         count, path = len(self.keys), self._path + _UNRELATED
         for before, key in zip([None, *other.keys], other.keys, strict=False):
@@ -227,7 +226,7 @@ class GrowingMap:
 
     @property
     def pose(self) -> Pose:
-        """Where the robot is in ``map``, by corrected odometry."""
+        """The robot's pose in ``map``, by corrected odometry."""
         if self._odometry is None:
             return self._start
         return self.correction.compose(self._odometry.pose)
@@ -239,7 +238,7 @@ class GrowingMap:
 
     @property
     def grid(self) -> GrownGrid:
-        """What has been observed so far, with what was seen since the last key pose.
+        """All that has been observed so far, also since the last key pose.
 
         Raises:
             RuntimeError: there was no ``update`` yet.
@@ -255,7 +254,7 @@ class GrowingMap:
         return GrownGrid(canvas.cells, canvas.origin, canvas.cell)
 
     def last_seen(self, x: float, y: float) -> float | None:
-        """Return the time [s] when ground around the point x, y [m, map] was seen last, if ever."""
+        """Time [s] at which ground around x, y [m, map] was last seen; None if it never was."""
         cell = 1.0 if self._grid is None else self._grid.cell
         row, column = round(y / cell), round(x / cell)
         times = self._seen.get((row // _BLOCK, column // _BLOCK))

@@ -1,7 +1,7 @@
-"""Joining of two maps of one building, if they certainly overlap.
+"""Joins two maps of one building, if they certainly overlap.
 
-The second map is searched for in the first as a robot with an unknown start searches itself; then
-its key poses have to match those of the first one by one.
+The second map is searched for in the first as a robot with an unknown start searches for itself;
+then its key poses have to match those of the first one by one.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ from navfw.numerics import Array
 from navfw.signals import Pose
 
 _MATCHES = 4  # chosen
-"""Key poses that must match for two maps to be of one building."""
+"""Number of key poses that must match for two maps to be of one building."""
 
 _MIN_KEYS = 5  # chosen
-"""Key poses within 8 m for a search."""
+"""Number of key poses within 8 m that a search needs."""
 
 _REACH = 4.0  # chosen
-"""Distance [m] of the key poses of the first map to which one of the second is matched."""
+"""Largest distance [m] of key poses of the first map to which one of the second is matched."""
 
 _LOOSE: Array = np.diag([0.2**-2, 0.2**-2, 0.05**-2])  # chosen
 """Information of a pose that was found: odometry has drifted in both maps."""
 
 _SHORT, _OWN = 1.5, 3.0  # chosen
-"""Length [m] of the shortest drive that is joined, and of those that remain a map beside others."""
+"""Length [m] of the shortest drive that is joined, and of the shortest that is kept alone."""
 
 _PARTS = 10_000  # chosen
 """Largest number of parts of one search; a search has at most some hundred."""
@@ -45,9 +45,9 @@ _PARTS = 10_000  # chosen
 
 @dataclass(eq=False, slots=True)
 class JoinedMap:
-    """The map ``growing`` of several ones that are ``path`` [m] long together.
+    """The map ``growing`` made of several maps with a total path of ``path`` [m].
 
-    ``spans`` are the ranges of the key poses of each, by its number.
+    ``spans`` are the ranges of the key poses of each map, by its number.
     """
 
     growing: GrowingMap
@@ -56,12 +56,12 @@ class JoinedMap:
 
     @classmethod
     def of(cls, number: int, growing: GrowingMap) -> Self:
-        """The map of that ``number`` by itself."""
+        """Make a joined map of the single map with that ``number``."""
         path = growing.keys[-1].path if growing.keys else 0.0
         return cls(growing, path, {number: (0, len(growing.keys))})
 
     def keys(self, number: int) -> Sequence[KeyPose]:
-        """The key poses of the map of that ``number``, as they have been corrected."""
+        """The key poses of the map with that ``number``, as they have been corrected."""
         return self.growing.keys[slice(*self.spans[number])]
 
 
@@ -71,13 +71,13 @@ def key_at(keys: Iterable[KeyPose], time: float) -> KeyPose:
 
 
 def free_names(name: str, is_taken: Callable[[str], bool]) -> Iterator[str]:
-    """The ``name``, then those of further maps: ``name``-2 and so on that are not taken."""
+    """Yield ``name``, then names for further maps: ``name``-2 and so on that are not taken."""
     yield name
     yield from (other for n in count(2) if not is_taken(other := f"{name}-{n}"))
 
 
 def join_all(growing_maps: Iterable[GrowingMap]) -> list[JoinedMap]:
-    """Join those of the maps that certainly overlap; the earlier one takes in the later one.
+    """Join those maps that certainly overlap; the later one is added to the earlier one.
 
     Maps of short drives are left out; none is returned if all are too short to be joined.
     """

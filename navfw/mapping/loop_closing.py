@@ -1,10 +1,10 @@
-"""Loop closing: where the robot comes back to ground it has seen, its pose is corrected.
+"""Loop closing: when the robot comes back to ground that it has seen, its pose is corrected.
 
 At each key pose the points seen over the last metres are matched to the map of earlier submaps.
 After a short drive the pose is known well enough for one match to count. After a long one, all
 poses that odometry leaves possible are rated. Those that fit are hypotheses, and one of them is
-taken when it has been the best by far at several key poses in a row. Between the loops, walls
-whose directions were seen before show the heading.
+accepted when it has been the best by far at several key poses in a row. Between the loops, walls
+whose directions were seen before correct the heading.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _MIN_PATH, _MIN_AGE = 8.0, 30.0  # chosen
 evidence is in both."""
 
 _REACH = 4.0  # chosen
-"""Distance [m] of earlier key poses whose submaps are matched."""
+"""Largest distance [m] of earlier key poses whose submaps are matched."""
 
 _DRIFT, _DRIFT_SHARE = 0.02, 0.003  # measured
 """Standard deviation of the position by odometry [m]: a floor, and a share of the path since the
@@ -39,16 +39,16 @@ _TURN, _TURN_SHARE = 0.006, 0.0005  # measured
 """The same of the heading [rad] and [rad/m]; it was 0.02 rad after 50 m."""
 
 _CLOSE = 0.15  # chosen
-"""Standard deviation [m] up to which a single match is certain enough."""
+"""Standard deviation [m] up to which a single match is sufficient."""
 
 _MAX_SEARCH = 2.0  # chosen
 """Largest distance [m] from the predicted pose that is searched."""
 
 _SEARCHED = 2.5  # chosen
-"""Standard deviations by which poses are searched around the predicted one."""
+"""Standard deviations up to which poses are searched around the predicted one."""
 
 FAR = 6.0  # chosen
-"""Path [m] whose points a search matches together: little may look like it elsewhere."""
+"""Length of path [m] whose points a search matches together: few places look like so much."""
 
 _RATED = 100  # chosen
 """Number of points by which poses are rated."""
@@ -60,23 +60,23 @@ _SEARCH_SIGMA = 0.1  # chosen
 """Standard deviation [m] of the surfaces in that rating."""
 
 _TRIED = 10  # chosen
-"""Number of the rated poses that are matched."""
+"""Number of the best rated poses that are matched."""
 
 _APART = 0.3, 0.06  # chosen
-"""Distance [m] and turn [rad] from which two hypotheses are different ones."""
+"""Distance [m] and turn [rad] from which on two hypotheses are different."""
 
 _LOOSE = 0.1, 0.03  # chosen
 """Standard deviations [m, rad] of a rated pose."""
 
 _BETTER = 0.15  # chosen
-"""Mean log likelihood of the points by which the best hypothesis has to exceed all others."""
+"""Mean log likelihood of the points by which the best hypothesis must exceed all others."""
 
 _AGREEING, _MISSES = 2, 3  # chosen
-"""Key poses that must have the same best hypothesis, and key poses in a row without one after which
-it is dropped."""
+"""Number of key poses that must have the same best hypothesis, and of key poses in a row without
+one after which it is dropped."""
 
 _SAME = 0.15, 0.04  # chosen
-"""Distance [m] and turn [rad] up to which it is the same: odometry between them is more exact."""
+"""Distance [m] and turn [rad] up to which a hypothesis stays the same at the next key pose."""
 
 _CAUTION = 0.5  # measured
 """Factor on a match's information: in four tours matches were off by 1.4 of their sigmas."""
@@ -85,9 +85,8 @@ _CAUTION = 0.5  # measured
 class LoopClosing:
     """Finds relations between the newest key pose and earlier ones.
 
-    ``hypotheses`` are the poses in ``map`` of the newest key pose that fit what was seen, while
-    none of them is certain. ``closed`` counts the closures, ``undecided`` those that never became
-    certain.
+    ``hypotheses`` are poses in ``map`` of the newest key pose that fit the points, while none of
+    them is certain. ``closed`` counts the closures, ``undecided`` those that never became certain.
     """
 
     def __init__(self) -> None:
@@ -102,10 +101,10 @@ class LoopClosing:
     def observe(
         self, keys: Sequence[KeyPose], near: PlanScan, far: PlanScan, cell: float
     ) -> list[Relation]:
-        """Match what was seen around the newest of ``keys``; return relations that are certain.
+        """Match the points around the newest of ``keys``; return relations that are certain.
 
         ``near`` are the points of the last few metres, ``far`` those of a longer path. A relation
-        of the heading alone is one to the first key pose.
+        of only the heading is one to the first key pose.
         """
         path, first, newest = keys[-1].path, keys[0].pose, keys[-1].pose
         turned = _TURN + _TURN_SHARE * (path - self._turned_at)
@@ -239,7 +238,7 @@ class _Matcher:
 def relation_of(
     keys: Sequence[KeyPose], earlier: Sequence[int], match: SubmapMatch, second: int
 ) -> Relation:
-    """Return ``match`` of key pose ``second`` as seen from the nearest of the ``earlier`` keys."""
+    """Return ``match`` of key pose ``second`` as a relation from the nearest ``earlier`` key."""
     at = match.pose.x, match.pose.y
     away = [math.dist((keys[i].pose.x, keys[i].pose.y), at) for i in earlier]
     first = earlier[int(np.argmin(away))]

@@ -1,8 +1,8 @@
-"""What differs between a map and what was seen of the building: doors, new openings, furniture.
+"""Differences between a map and what was seen of the building: doors, openings, furniture.
 
-Each door of the map is a gap in a wall. Along that wall, what was seen shows where the gap is now,
-or that there is none. An opening is a gap along a wall of the floor plan. A thing of the plan is
-gone where the robot's body has room on it.
+Each door of the map is a gap in a wall. Along that wall, the observations show where the gap is
+now, or that there is none. An opening is a gap along a wall of the floor plan. A thing of the plan
+is gone if the robot's body fits where it was.
 """
 
 from __future__ import annotations
@@ -28,45 +28,45 @@ Point = tuple[float, float]
 ChangeKind = Literal["closed", "moved", "new", "gone"]
 
 _ALONG, _DEEP, _INNER = 1.6, 0.3, 0.15  # chosen
-"""Half the length [m] of wall that is looked at beside a door, half its depth, and half the depth
+"""Half the length [m] of wall that is examined beside a door, half its depth, and half the depth
 that has to be free in an opening."""
 _SEEN = 0.7  # chosen
-"""Share of the depth of an opening that has to be seen free: some rays are missing."""
+"""Share of the depth of an opening that has to be seen free, as some rays are missing."""
 _GAP = np.ones((1, 3), np.uint8)  # defined
 """Structuring element that closes gaps of a cell along a wall."""
 _SURELY_FREE = -24  # measured
 """Evidence from which a wall or thing of the plan is gone: in five drives it was -37 where one was,
 and -9 to -22 where rays had passed over it, or beside a wall."""
 _OPENING, _EDGE = 0.45, 4  # chosen
-"""Least width [m] of an opening, and cells beside it in which its edge is seen, if it is."""
+"""Smallest width [m] of an opening, and cells beside it that are searched for its edge."""
 _EDGES = 0.5, 0.75, 1.0  # chosen
-"""How sure an opening is with none, one and both of its edges."""
+"""Certainty of an opening with none, one and both of its edges."""
 _DRIFT = 0.15  # measured
-"""Standard deviation [m] of where things were put: in 11 of 12 drives 95 % of the errors of the
+"""Standard deviation [m] of positions on the map: in 11 of 12 drives 95 % of the errors of the
 position were below 0.05 to 0.26 m."""
 _MIN_CERTAINTY = 0.5  # chosen
-"""Least certainty of changes that are reported."""
+"""Smallest certainty of changes that are reported."""
 _SHIFT, _OTHER = 0.25, 0.4  # chosen
-"""Distance [m] from which a door has moved, and within which an opening is that of another door."""
+"""Distance [m] from which on a door has moved; that of an opening from another's door."""
 _CLOSED, _NOT_FREE = 0.7, 0.1  # chosen
-"""Least share of a door's width that is seen occupied, and largest share seen free, if closed."""
+"""Smallest share of a closed door's width that is seen occupied, and largest share seen free."""
 ROOM = 0.15  # chosen
-"""Clearance [m] from which a wall or thing of the plan is gone: poses are off by up to 0.1 m."""
+"""Clearance [m] at which a wall or thing of the plan is gone: poses are off by up to 0.1 m."""
 _MIN_AREA, _MIN_OPENING_AREA = 0.1, 0.025  # chosen
-"""Least area [m^2] of the middle of a thing that is gone, and of free wall in an opening."""
+"""Smallest area [m^2] of the middle of a thing that is gone, and of free wall in an opening."""
 _AROUND = 0.45  # chosen
-"""Distance [m] around what is gone in which free ground of the plan tells a wall from a thing."""
+"""Distance [m] around a missing part in which free ground of the plan tells a wall from a thing."""
 _SAME = 0.8  # chosen
-"""Distance [m] up to which what is gone belongs to a door that has moved."""
+"""Distance [m] up to which a missing part belongs to a door that has moved."""
 
 
 @dataclass(frozen=True, slots=True)
 class MapChange:
     """A difference at x, y [m, map]: a passage ``closed``, ``moved`` or ``new``, or a thing gone.
 
-    ``what`` is the door or passage of the map, ``detail`` says how it differs, ``time`` [s] when it
-    was seen last, ``certainty`` in [0, 1] how sure the evidence is. ``dx``, ``dy`` [m] is how far a
-    door has moved, or the direction (length 1) through a new opening.
+    ``what`` is the door or passage of the map, ``detail`` describes the difference, ``time`` [s] is
+    when it was seen last, ``certainty`` is in [0, 1]. ``dx``, ``dy`` [m] is the displacement of a
+    moved door, or the direction (length 1) through a new opening.
     """
 
     kind: ChangeKind
@@ -87,7 +87,7 @@ class MapChange:
 
 
 def grid_of(plan: OccupancyMap) -> GrownGrid:
-    """Return a floor plan as a grid of sure evidence. Its axes must be those of the frame."""
+    """Convert a floor plan, with axes along those of ``map``, to a grid of sure evidence."""
     evidence = np.zeros(plan.cells.shape, np.int8)
     evidence[plan.free], evidence[plan.occupied] = -48, 96
     x, y = plan.origin.to_parent(0.5 * plan.resolution, 0.5 * plan.resolution)
@@ -101,12 +101,12 @@ def changes_between(
     found: Sequence[tuple[str, Sequence[Point]]] = (),
     last_seen: Callable[[float, float], float | None] = lambda x, y: None,
 ) -> list[MapChange]:
-    """Return how what was ``seen``, or a later map, differs from ``topo_map``, doors first.
+    """Find how the grid ``seen``, or a later map, differs from ``topo_map``, doors first.
 
     Maps are compared by names, if the later one has most places of the other; else by its plan.
     ``closed`` are passages that the planner has found closed, ``found`` the names and tracks (x, y)
-    [m] of ways that it has found.
-    ``last_seen`` returns the time [s] at which the point x, y [m] was seen last.
+    [m] of new paths that it has found. ``last_seen`` returns the time [s] at which the point x, y
+    [m] was last seen.
 
     Raises:
         InputError: the maps share few places, and the later one has no floor plan.
@@ -333,7 +333,7 @@ def _at_passage(kind: ChangeKind, topo_map: TopoMap, passage: Passage) -> MapCha
 
 
 def room_on(plan: OccupancyMap, grid: GrownGrid) -> Array:
-    """Return the distances (rows, columns) [m] on ``plan`` to what was not surely seen free."""
+    """Distances (rows, columns) [m] of the cells of ``plan`` to what was not surely seen free."""
     free = without_gaps(grid.log_odds <= _SURELY_FREE)
     away = distances(~free | grid.occupied, grid.cell)
     room = np.minimum(away / grid.cell, 127.0).astype(np.int8)
@@ -342,6 +342,6 @@ def room_on(plan: OccupancyMap, grid: GrownGrid) -> Array:
 
 
 def centres_of(plan: OccupancyMap) -> Array:
-    """Return the centres (n, 2) [m] of the cells of ``plan``, row by row."""
+    """Centres (n, 2) [m] of the cells of ``plan``, row by row."""
     rows, columns = np.indices(plan.cells.shape).reshape(2, -1)
     return plan.centres(rows, columns)

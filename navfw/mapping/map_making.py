@@ -1,4 +1,4 @@
-"""Maps out of a grown grid: floor plan, places, doors and passages; a given map, corrected."""
+"""Makes maps from a grown grid: floor plan, places, doors and passages; corrects a given map."""
 
 from __future__ import annotations
 
@@ -22,26 +22,26 @@ from navfw.topomap.occupancy_map import FREE, OCCUPIED, OccupancyMap
 from navfw.topomap.sharpening import sharpened
 
 _SPECK = 0.06  # chosen
-"""Area [m^2] of unseen ground amid free ground that counts as free: gaps between rays."""
+"""Largest area [m^2] of unseen spots amid free ground that count as free: gaps between rays."""
 
 _DOT, _SURE = 2, 64  # chosen
-"""Cells of the largest occupied spot that counts as free, unless its evidence is sure."""
+"""Largest number of cells of an occupied spot that counts as free, unless its evidence is sure."""
 
 _NARROW = 0.75  # chosen
-"""Half the width of a gap that counts as closed, over the robot's radius."""
+"""Half the width of a gap that counts as closed, relative to the robot's radius."""
 
 _ROUGHNESS = 0.05  # measured
-"""How uneven walls are [m]: a cell."""
+"""Roughness of walls [m]: a cell."""
 
 _NEAR_DROP = 0.6  # chosen
-"""Distance [m] from missing floor at which a passage is a danger."""
+"""Distance [m] from missing floor up to which a passage has ``danger``."""
 
 _BESIDE = 1.0  # chosen
-"""Distance [m] up to which the places before and after a door move along with it."""
+"""Distance [m] up to which the places before and after a door are moved with it."""
 _STEP = 0.7  # chosen
-"""Distance [m] of the places before and after a new opening from it."""
+"""Distance from a new opening of the places before and after it [m]."""
 _APART = 0.2  # chosen
-"""Distance [m] from what the plan shows occupied at which something seen occupied is new."""
+"""Distance [m] from occupied cells of the plan at which occupied evidence is a new thing."""
 
 
 def cleaned_grid(grid: GrownGrid) -> GrownGrid:
@@ -94,10 +94,10 @@ def made_map(name: str, grid: GrownGrid, radius: float, drops: Array | None = No
 
 
 def clearances_of(plan: OccupancyMap, radius: float) -> ClearanceGrid:
-    """Return distances [m] on ``plan`` to what is not known to be free.
+    """Distances [m] on ``plan`` to cells that are not known to be free.
 
-    Gaps through which a robot of ``radius`` [m] is too wide by far count as closed: of a wall some
-    parts are not seen.
+    Gaps that are far too narrow for a robot of ``radius`` [m] count as closed, as some parts of
+    walls are not seen.
     """
     disc = cell_disc(round(_NARROW * radius / plan.resolution)).view(np.uint8)
     free = cv2.morphologyEx(np.pad(plan.free, 1).view(np.uint8), cv2.MORPH_OPEN, disc) > 0
@@ -121,7 +121,7 @@ def _with_dangers(topo_map: TopoMap, drops: Array) -> TopoMap:
 def with_place(topo_map: TopoMap, name: str, pose: Pose, radius: float) -> TopoMap:
     """Return the map with a place ``name`` at ``pose``, and passages to the nearest in sight.
 
-    The map is one for a robot of ``radius`` [m].
+    ``radius`` [m] is that of the robot that the map is for.
 
     Raises:
         InputError: the map has such a place already, or no floor plan.
@@ -150,11 +150,11 @@ def corrected_map(
 ) -> TopoMap:
     """Return the map ``name`` with the ``changes``, for a robot of ``radius`` [m].
 
-    What was seen of the floor is entered in its floor plan, if it has one. A new opening needs a
-    floor plan to be joined to the places on both sides.
+    Its floor plan, if it has one, is updated with what was seen. A new opening needs a floor plan
+    to be joined to the places on both sides.
 
     Raises:
-        MapError: without its closed passages nothing is left of the map.
+        MapError: without its closed passages the map is empty.
 
     """
     closed = {change.what for change in changes if change.kind == "closed"}

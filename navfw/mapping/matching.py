@@ -1,6 +1,6 @@
-"""Matching of what was seen around a key pose to the map that earlier submaps make.
+"""Matches the points seen around a key pose to the map that earlier submaps make.
 
-The map is a floor plan of surfaces, to which ``PlanField`` fits the points that were seen.
+The map is a floor plan of surfaces, to which ``PlanField`` fits the points.
 """
 
 from __future__ import annotations
@@ -22,30 +22,30 @@ _POINT_SIGMA = 0.03  # chosen
 """Standard deviation [m] of a surface point in a submap."""
 
 _MAX_POINTS = 300  # chosen
-"""About the largest number of points of free ground that are compared."""
+"""Approximate largest number of points of free ground that are compared."""
 
 _MIN_POINTS, _MIN_SHARE = 40, 0.5  # chosen
-"""Least number of points that the map must have seen before, and least share of all."""
+"""Smallest number of points that the map must have seen before, and smallest share of all."""
 
 _MIN_OVERLAP = 0.6  # chosen
 """Share of a submap's free ground that the map must know as free for them to be of one place: the
 other side of a wall is 0.1 m from this one."""
 
 _MIN_BELONGING, _MAX_CONTRADICTION = 0.5, 0.05  # chosen
-"""Least share of the points in observed ground that lie on surfaces of the map, and
-largest share of the free ground that is occupied in the map."""
+"""Smallest share of the points in observed ground that lie on surfaces of the map, and largest
+share of the free ground that is occupied in the map."""
 
 _BEFORE = 0.2  # chosen
-"""Distance [m] before a point at which the map must know free ground: it then shows the same side
-of what was seen there."""
+"""Distance [m] in front of a point at which the map must have free ground: it then shows the same
+side of the surface."""
 
 _REFERENCES = 30  # chosen
-"""Largest number of earlier submaps that make the map, the nearest ones."""
+"""Largest number of earlier submaps that make the map: the nearest ones."""
 
 
 @dataclass(frozen=True, slots=True)
 class SubmapMatch:
-    """A pose of a key pose in ``map`` at which its submap fits earlier ones.
+    """A pose in ``map`` of a key pose at which its submap fits earlier ones.
 
     ``information`` (3, 3) is that of the points. ``rating`` is their mean log likelihood.
     """
@@ -56,7 +56,7 @@ class SubmapMatch:
 
 
 def plan_of(grid: GrownGrid) -> OccupancyMap:
-    """Return the floor plan of a grid: which cells are free, occupied, unknown."""
+    """Convert a grid to a floor plan of free, occupied and unknown cells."""
     cells = np.full(grid.log_odds.shape, UNKNOWN, np.int8)
     cells[grid.free] = FREE
     cells[grid.occupied] = OCCUPIED
@@ -65,7 +65,7 @@ def plan_of(grid: GrownGrid) -> OccupancyMap:
 
 
 def free_ground(keys: Sequence[KeyPose], cell: float) -> Array:
-    """Return some of the free ground (n, 2) [m] of ``keys``, seen from the last one."""
+    """Sample the free ground (n, 2) [m] of ``keys``, in the robot's frame at the last one."""
     last, points = keys[-1], []
     for key in keys:
         rows, columns = np.nonzero(key.submap.evidence < 0)
@@ -79,7 +79,7 @@ def free_ground(keys: Sequence[KeyPose], cell: float) -> Array:
 class LocalPlan:
     """The map around a place, made of earlier key poses, to which submaps are matched.
 
-    ``field`` rates poses of what was seen there.
+    ``field`` rates poses of points that were seen there.
     """
 
     def __init__(self, keys: Sequence[KeyPose], cell: float) -> None:
@@ -104,7 +104,7 @@ class LocalPlan:
     ) -> SubmapMatch | None:
         """Fit ``scan`` from ``start`` with prior ``information``; None if it does not fit.
 
-        ``floor`` (n, 2) is free ground of the same submap.
+        ``floor`` (n, 2) [m] is free ground of the same submap, in the robot's frame.
         """
         pose = start
         for _ in range(2):

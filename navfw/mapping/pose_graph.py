@@ -1,6 +1,6 @@
 """The pose graph: key poses with odometry between them, and matches that close loops.
 
-A match whose residual is large counts less, and one that the others contradict is dropped.
+A match with a large residual counts less, and one that the others contradict is dropped.
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ _TURN, _TURN_SHARE = 0.0015, 0.0015  # measured
 four tours the heading was off by 0.02 rad after 50 m, an error that lasts."""
 
 _NOTHING = np.diag([1e-4, 1e-4, 1e-4])  # chosen
-"""Information of a step of which nothing is known."""
+"""Information of a step that is unknown."""
 
 _HUBER = 2.0  # chosen
-"""Residual of a match [sigma] from which it counts less."""
+"""Residual of a match [sigma] above which it counts less."""
 
 _CONTRADICTED = 6.0  # chosen
-"""Residual of a match [sigma] from which it is dropped."""
+"""Residual of a match [sigma] above which it is dropped."""
 
 _ITERATIONS, _SETTLED = 10, 1e-4  # chosen
-"""Largest number of steps, and the step [m, rad] at which they end."""
+"""Largest number of iterations, and the step [m, rad] below which they end."""
 
 
 @dataclass(frozen=True, slots=True)
 class Relation:
-    """Pose ``second`` as it was measured from pose ``first``, with its information (3, 3)."""
+    """The pose ``second`` as measured in the frame of pose ``first``; information (3, 3)."""
 
     first: int
     second: int
@@ -47,7 +47,7 @@ class Relation:
 
 
 def odometry_information(step: Pose) -> Array:
-    """Return the information (3, 3) of an odometry step between two key poses."""
+    """Compute the information (3, 3) of an odometry step between two key poses."""
     length = math.hypot(step.x, step.y)
     along = _STEP + _STEP_SHARE * length
     turn = _TURN + _TURN_SHARE * (length + abs(step.yaw))
@@ -55,7 +55,7 @@ def odometry_information(step: Pose) -> Array:
 
 
 class KeyPoseGraph:
-    """Poses in ``map``, the first of which is known; odometry and ``matches`` between them."""
+    """Poses in ``map``, of which the first is fixed; odometry and ``matches`` between them."""
 
     def __init__(self) -> None:
         self.poses: list[Pose] = []
@@ -65,7 +65,7 @@ class KeyPoseGraph:
     def add(self, pose: Pose, step: Pose | None = None, *, sure: bool = True) -> None:
         """Add a pose, ``step`` after the last one by odometry; the first has no step.
 
-        A step that is not ``sure`` says nothing: the matches decide.
+        A step that is not ``sure`` has next to no weight: the matches decide.
         """
         if step is not None:
             n = len(self.poses)

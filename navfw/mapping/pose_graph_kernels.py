@@ -17,7 +17,7 @@ from navfw.numerics.algebra_kernels import dot, multiply, solve_in_place
 from navfw.numerics.arrays import Indices
 
 _ANCHOR = 1e8  # chosen
-"""Information that holds the first pose where it is."""
+"""Information that fixes the first pose."""
 
 _TOLERANCE = 1e-9  # chosen
 """Share of the initial residual at which the iterations end."""
@@ -30,7 +30,7 @@ def _wrapped(angle: float) -> float:
 
 @numba.njit(cache=True)
 def residuals(poses: Array, first: Indices, second: Indices, measured: Array) -> Array:
-    """Compute (m, 3) by how much the relative poses differ from the ``measured`` ones (m, 3)."""
+    """Compute the differences (m, 3) of relative poses from the ``measured`` ones (m, 3)."""
     result = np.empty((first.size, 3))
     for e in range(first.size):
         a, b = poses[first[e]], poses[second[e]]

@@ -1,7 +1,7 @@
 """Submaps: what the local map has observed since the last key pose, as compact evidence.
 
 The local map's evidence decays, and most of it was in the last submap as well. A cell belongs to a
-submap if its log-odds have changed otherwise than by decay.
+submap only if its log-odds have changed by more than decay.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from navfw.signals import OccupiedDisc, Pose
 from navfw.signals.grown_grid import FREE_BELOW, OCCUPIED_FROM, SCALE, Evidence
 
 _CHANGED = 0.02  # chosen
-"""Change of log-odds, besides decay, from which a cell has been observed."""
+"""Change of log-odds, besides decay, above which a cell has been observed."""
 
 _CERTAIN = 64  # chosen
 """Evidence of cells that other layers of the local map show as occupied: low things, drops."""
 
 _AROUND_MOVER = 0.15  # chosen
-"""Distance [m] beyond a moving obstacle's disc up to which what was seen is not kept."""
+"""Distance [m] beyond a moving obstacle's disc up to which observations are not kept."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ class Submap:
 
 
 class SubmapCutter:
-    """Cuts submaps out of one local map, each with what was observed since the one before."""
+    """Cuts submaps out of one local map, each with what was observed since the last one."""
 
     def __init__(self) -> None:
         self._before: tuple[float, tuple[float, float], Array] | None = None
@@ -61,7 +61,7 @@ class SubmapCutter:
     ) -> Submap:
         """Return what ``local_map`` has observed since the last cut, around odom pose ``key``.
 
-        Cells under ``moving`` obstacles are left out: what stands there goes away.
+        Cells under ``moving`` obstacles (odom) are left out, as these go away.
         """
         submap = self.observed(local_map, key, time, moving)
         grid = local_map.occupancy

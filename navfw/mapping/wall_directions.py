@@ -1,8 +1,8 @@
-"""The heading by the directions of walls: most walls of a building are parallel or at right angles.
+"""Corrects the heading by the directions of walls, most of which are parallel or at right angles.
 
 The points seen over the last metres are projected onto two axes at right angles. The projection is
 sharpest where the axes lie along the walls. The first clear directions are remembered; later ones
-that lie near a remembered one show how far the heading has drifted since.
+near a remembered one show how far the heading has drifted since.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ _QUARTER = 0.5 * math.pi  # defined
 """Angle [rad] after which the two axes repeat."""
 
 _ANGLES = 90  # chosen
-"""Number of directions that are tried in it; the best one is refined."""
+"""Number of directions tried within that angle; the best one is refined."""
 
 _BIN = 0.05  # chosen
-"""Width [m] of the bins into which projections are counted."""
+"""Width [m] of the bins in which projections are counted."""
 
 _MIN_POINTS, _MIN_CONTRAST = 60, 1.6  # chosen
-"""Least number of points, and least sharpness in the best direction over the median one."""
+"""Smallest number of points; smallest sharpness, best over median direction."""
 
 _BESIDE, _MAX_BESIDE = 4, 0.75  # measured
-"""Number of directions beside the best one, and the largest sharpness there over the best. What is
-above is less exact, or a curved wall: one of radius 12 m has 0.93."""
+"""Number of directions beside the best one, and the largest sharpness there relative to the best.
+Higher values are less exact, or a curved wall: one of radius 12 m has 0.93."""
 
 WALL_SIGMA = 0.012  # measured
 """Standard deviation [rad] of a direction. Over 377 key poses in a hospital half of the directions
@@ -35,10 +35,10 @@ were within 0.004 and 90 % within 0.010; neighbouring ones share most of their p
 
 _NEAR, _FAR = 3.0, 0.15  # chosen
 """Standard deviations up to which a direction is a remembered one, and the distance [rad] from all
-of them from which it is new."""
+of them above which it is new."""
 
 _NEEDED = 4  # chosen
-"""Number of directions in a row, which must agree, that are remembered as one."""
+"""Number of successive directions that must agree to be remembered as one."""
 
 
 class WallDirections:
@@ -49,7 +49,7 @@ class WallDirections:
         self._candidates: list[float] = []
 
     def heading(self, points: Array, yaw: float, sigma: float) -> float | None:
-        """Return the yaw [rad, map] by what was seen and the walls so far; None if it is unclear.
+        """Return the yaw [rad, map] by the walls remembered so far; None if it is unclear.
 
         ``points`` (n, 2) [m] are in the robot's frame, ``yaw`` is its heading by odometry, with
         standard deviation ``sigma`` [rad].

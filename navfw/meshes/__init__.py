@@ -1,6 +1,6 @@
-"""Triangle meshes from files, of bounded size: of furniture, robots, and worlds to import.
+"""Triangle meshes from files, of bounded size: of furniture, robots, and imported worlds.
 
-``mesh_file`` reads all formats, and has sections and surfaces.
+``mesh_file`` reads all formats, and computes sections and surfaces.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""Meshes of triangles, their surfaces and horizontal cuts, and mesh files, of bounded size."""
+"""Triangle meshes, their surfaces and horizontal sections, and reading of mesh files."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from navfw.numerics.arrays import Indices
 from navfw.numerics.products import product
 
 _LEVEL = 0.999
-"""Least share of a level triangle's normal that is upright."""
+"""Smallest vertical share of the normal of a triangle that counts as level."""
 _STEPS = 1024
-"""Steps of a coordinate within a cell: the same for equal points, so that outlines are closed."""
+"""Steps of a coordinate in a cell: equal points get equal steps, so outlines stay closed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class TriangleMesh:
 
     @classmethod
     def welded(cls, corners: Array, tolerance: float = 0.0) -> TriangleMesh:
-        """The mesh of triangles (M, 3, 3) [m]; those without area are left out.
+        """Make the mesh of triangles (M, 3, 3) [m], without those that have no area.
 
         Corners that are equal in steps of ``tolerance`` [m] become one vertex.
         """
@@ -47,23 +47,23 @@ class TriangleMesh:
 
     @property
     def corners(self) -> Array:
-        """(M, 3, 3) corners of the triangles [m]."""
+        """Corners (M, 3, 3) of the triangles [m]."""
         return self.vertices[self.faces]
 
     @property
     def bounds(self) -> tuple[Array, Array]:
-        """Least and greatest coordinates (3,) [m]."""
+        """Smallest and largest coordinates, each (3,) [m]."""
         return self.vertices.min(axis=0), self.vertices.max(axis=0)
 
     @property
     def normals(self) -> Array:
-        """(M, 3) normals of the triangles, twice as long [m^2] as their area."""
+        """Normals (M, 3) of the triangles; their length is twice the area [m^2]."""
         a, b, c = np.moveaxis(self.corners, 1, 0)
         return np.cross(b - a, c - a)
 
     @property
     def level_triangles(self) -> Array:
-        """(k, 3, 3) corners [m] of the level triangles."""
+        """Corners (k, 3, 3) [m] of the triangles that are level."""
         normals = self.normals
         level = np.abs(normals[:, 2]) >= _LEVEL * np.linalg.norm(normals, axis=1)
         chosen: Array = self.corners[level]
@@ -71,18 +71,18 @@ class TriangleMesh:
 
     @cached_property
     def open_edges(self) -> int:
-        """Number of edges with a triangle on one side only; 0: the mesh encloses a volume."""
+        """Number of edges with only one triangle; 0 if the mesh encloses a volume."""
         edges = np.sort(np.stack([self.faces, np.roll(self.faces, -1, axis=1)], axis=-1), axis=-1)
         numbers = edges[..., 0] * len(self.vertices) + edges[..., 1]
         return int(np.count_nonzero(np.unique(numbers, return_counts=True)[1] % 2))
 
     def moved(self, transform: Array) -> TriangleMesh:
-        """The mesh in other axes; ``transform`` (4, 4) may scale, but not mirror."""
+        """Return the mesh transformed by ``transform`` (4, 4), which may scale, but not mirror."""
         turned = product(self.vertices, transform[:3, :3].T)
         return TriangleMesh(turned + transform[:3, 3], self.faces)
 
     def surfaces(self) -> list[TriangleMesh]:
-        """The connected parts."""
+        """Return the connected parts of the mesh."""
         from scipy.sparse import coo_matrix
         from scipy.sparse.csgraph import connected_components
 
@@ -99,7 +99,7 @@ class TriangleMesh:
     def section(self, height: float) -> Array:
         """Line segments (k, 2, 2) [m] where the mesh crosses the plane at ``height`` [m].
 
-        Seen from above, what the mesh encloses is on the left of each.
+        Seen from above, the inside of the mesh is on the left of each segment.
         """
         above = self.vertices[self.faces, 2] > height
         count = above.sum(axis=1)
@@ -121,18 +121,18 @@ class TriangleMesh:
 
 
 def joined(meshes: list[TriangleMesh]) -> TriangleMesh:
-    """All ``meshes`` as one."""
+    """Return all ``meshes`` as one."""
     firsts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])[:-1]
     faces = [mesh.faces + first for mesh, first in zip(meshes, firsts, strict=True)]
     return TriangleMesh(np.concatenate([m.vertices for m in meshes]), np.concatenate(faces))
 
 
 def windings(lines: Array, shape: tuple[int, ...]) -> Indices:
-    """How often closed outlines go around each cell's centre, counter-clockwise positive.
+    """Number of times that closed outlines surround each cell's centre, counter-clockwise positive.
 
-    Where outlines have no direction, the number is odd inside. ``lines`` (k, 2, 2) are in cells of
-    a grid (rows, columns). Coordinates are whole steps, in which a row's centre is crossed by a
-    closed outline an even number of times.
+    If outlines have no direction, the number is odd inside. ``lines`` (k, 2, 2) are in cells of a
+    grid (rows, columns). Coordinates are rounded to whole steps, so that a closed outline crosses a
+    row's centre an even number of times.
     """
     points = np.round(lines * _STEPS).astype(np.int64)
     half = _STEPS // 2
@@ -177,14 +177,14 @@ _MAX_COORDINATE = 1e6
 
 
 MAX_TRIANGLES = 20_000
-"""Bound of meshes that are drawn: each image that shows one draws all of its triangles."""
+"""Largest number of triangles of a mesh that is drawn: each image that shows it draws all."""
 
 
 def read_mesh(path: Path) -> TriangleMesh:
-    """The closed mesh in a file, in the file's unit.
+    """Read the closed mesh in a file, in the file's unit.
 
     Raises:
-        ConfigError: see ``read_triangles``; or its surface is open or turned inside out.
+        ConfigError: ``read_triangles`` refuses it, or its surface is open or inside out.
 
     """
     mesh = TriangleMesh.welded(read_triangles(path, MAX_TRIANGLES, convex=True))
@@ -193,12 +193,12 @@ def read_mesh(path: Path) -> TriangleMesh:
 
 
 def read_triangles(path: Path, limit: int, *, convex: bool = False) -> Array:
-    """The corners (M, 3, 3) of the triangles in a mesh file, in its unit; polygons are divided.
+    """Read the corners (M, 3, 3) of the triangles in a mesh file, in its unit; polygons are split.
 
-    Those of a COLLADA file are in metres; its upward axis does not count.
+    Those of a COLLADA file are converted to metres; its upward axis is ignored.
 
     Raises:
-        ConfigError: the file cannot be read, is of no known format, damaged, has curved surfaces,
+        ConfigError: the file cannot be read, is of unknown format, damaged, has curved surfaces,
             or more triangles than the ``limit``; or concave faces, if they must be ``convex``.
 
     """
@@ -293,7 +293,7 @@ _READERS: dict[str, Callable[[Path, bytes, bool], Array]] = {
     ".stl": _by_trimesh,
 }
 MESH_SUFFIXES = tuple(_READERS)
-"""Suffixes of the files that can be read."""
+"""Suffixes of the mesh files that can be read."""
 
 
 def _position(path: Path, line: int, values: list[str]) -> list[float]:

@@ -2,7 +2,7 @@
 
 BLAS and LAPACK choose their kernels by the processor, numpy's exponentials, logarithms and inverse
 trigonometric functions have other last bits with AVX-512, and a compiler that may reorder a sum
-does so by the width of the registers. Code that commands depend on uses these instead:
+does so by the width of the registers. Code on which commands depend uses these instead:
 
 - ``products``: products of matrices and vectors, and sums, which Python 3.12 rounds otherwise;
 - ``linear_systems``: equations, inverses, determinants;

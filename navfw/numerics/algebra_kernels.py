@@ -17,8 +17,8 @@ from navfw.numerics.arrays import Array
 Vector = npt.NDArray[np.float32] | Array
 
 LANES = 16  # derived
-"""Number of partial sums of a scalar product. Two of AVX2's registers of float32, four of float64:
-as many additions as have to be under way at once for the loop to wait for memory alone."""
+"""Number of partial sums of a scalar product: two of AVX2's registers of float32, four of float64.
+So many additions have to be in progress for the loop to be limited only by memory."""
 
 
 def _fused(builder: Any, kind: Any, name: str) -> Any:
@@ -41,8 +41,8 @@ def _write_fma(context: Any, a: Any, b: Any, c: Any) -> tuple[Any, Callable[...,
 
 
 fma: Any = intrinsic(_write_fma)
-"""``a * b + c`` with one rounding: what a compiler that may fuse operations does on some
-processors, and every processor with AVX2 as quickly as a product."""
+"""``a * b + c`` with one rounding. On some processors compilers fuse these operations; with AVX2 it
+is as fast as a product on every processor."""
 
 
 def _write_sum_of_blocks(

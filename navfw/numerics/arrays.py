@@ -1,4 +1,4 @@
-"""Arrays by the type of their elements, and runs of flags in them."""
+"""Types of arrays by the type of their elements, and runs of flags in arrays."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ Mask = npt.NDArray[np.bool_]
 
 
 def spans(times: Array, flags: Mask, pause: float) -> Iterator[tuple[int, int]]:
-    """First and last index of each run of true ``flags`` (n,), at ``times`` (n,) [s].
+    """Yield first and last index of each run of true ``flags`` (n,), at ``times`` (n,) [s].
 
-    Runs that are up to ``pause`` [s] apart are one.
+    Runs that are at most ``pause`` [s] apart are merged.
     """
     at = np.flatnonzero(flags)
     if len(at):

@@ -1,7 +1,7 @@
-"""Elementary functions of arrays by the C library, element by element.
+"""Elementary functions of arrays, computed by the C library, element by element.
 
-numpy's own have other last bits with AVX-512. Its square root, sine, cosine, hyperbolic tangent and
-``hypot`` have not, and need no replacement.
+The last bits of numpy's own differ with AVX-512, except of its square root, sine, cosine,
+hyperbolic tangent and ``hypot``, which need no replacement.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ _SUBSCRIPTS = {
     (True, False): "...i,i->...",
     (True, True): "...i,ij->...j",
 }
-"""Of a product, by whether each of its factors has more than one dimension."""
+"""Subscripts of ``einsum`` by whether each of the two factors has more than one dimension."""
 
 
 def sum_in_order(values: Iterable[float]) -> float:

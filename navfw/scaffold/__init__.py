@@ -1,4 +1,4 @@
-"""New projects and their parts, and schemas for editors."""
+"""Writes new projects and their parts, and schemas for editors."""
 
 import lazy_loader
 

@@ -1,9 +1,9 @@
-"""A new project, or a new part of the current one: all of its files are written, or none.
+"""Writes a new project, or a new part of the current one: all of its files, or none.
 
-A file of ``navfw/scaffold/templates/project`` is copied as it is. The ending ``.template`` is left
-out: it keeps tools that look for Python files and for ``.gitignore`` from taking templates for
-their own. Beside the copies, ``.vscode`` gets the schemas of files, so that an editor completes and
-explains their keys. The kinds of parts are those of ``navfw.scaffold.part_kinds``.
+Files of ``navfw/scaffold/templates/project`` are copied. Their ending ``.template`` is removed: it
+keeps tools that look for Python files and for ``.gitignore`` from using the templates themselves.
+Besides the copies, ``.vscode`` gets the schemas of files, so that an editor completes and explains
+their keys. The kinds of parts are those of ``navfw.scaffold.part_kinds``.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ from navfw.process.atomic import AtomicFolder, write_text
 from navfw.scaffold.part_kinds import PARTS, NameRule
 
 TEMPLATES = Path(__file__).parent / "templates"
-"""The templates: of a project's files in ``project``, of its parts' in ``parts``."""
+"""Folder of the templates: of a project's files in ``project``, of its parts' in ``parts``."""
 
 _NOTHING = re.compile(r"(?!)")
-"""Matches no name: no file of an existing folder is replaced."""
+"""Matches no name, so that no file of an existing folder is replaced."""
 
 
 def write_project(folder: Path) -> list[str]:
-    """Write a project to ``folder``, which is new or empty; the names of its files, sorted.
+    """Write a project to ``folder``, which is new or empty; return the names of its files, sorted.
 
     Raises:
         ConfigError: ``folder`` is within a project.
@@ -88,7 +88,7 @@ navfw = {{ path = {path}, editable = {editable} }}
 
 
 def activation() -> str:
-    """What a shell's user types to find the ``navfw`` and ``pytest`` of this environment."""
+    """The shell command that activates this environment; "" if it has no activation script."""
     script = Path(sys.prefix, "bin", "activate")
     return f"source {shlex.quote(str(script))}" if script.is_file() else ""
 
@@ -110,17 +110,18 @@ _SPELLINGS: dict[NameRule, tuple[str, str]] = {
     "hyphenated": (r"[a-z][a-z0-9]*(-[a-z0-9]+)*", "small letters, digits and single hyphens"),
     "identifier": (r"[a-z][a-z0-9_]*", "a Python identifier in small letters, such as slow_down"),
 }
-"""The pattern of names by their rule, and what it allows."""
+"""The pattern of names by their rule, and the rule in words."""
 
 
 def write_part(kind: str, name: str, start: str = "") -> tuple[list[str], str]:
-    """Write a part of a ``kind`` of ``PARTS``; the files, relative to the project, and what next.
+    """Write a part of a ``kind`` of ``PARTS``; return its files, and the command to type next.
 
-    The name of a mission is ``world/mission``. ``start`` is one of the kind's starts.
+    Files are relative to the project. The name of a mission is ``world/mission``; ``start`` is one
+    of the kind's.
 
     Raises:
-        ConfigError: the name is none for this kind or is taken, a file exists, or the working
-            folder is in no project.
+        ConfigError: the name is invalid for this kind or taken, a file exists, or the working
+            folder is not in a project.
         UnknownNameError: there is no world of a mission's name, or no such start.
         InputError: a file cannot be written.
 

@@ -1,6 +1,6 @@
-"""The kinds of part that ``navfw new`` writes into a project: files, names, next command.
+"""The kinds of parts that ``navfw new`` writes into a project: files, names, next command.
 
-Plain data, so that the command line can list the kinds without importing more.
+It is plain data, so that the command line can list the kinds without importing more.
 """
 
 from __future__ import annotations
@@ -10,23 +10,22 @@ from dataclasses import dataclass
 from typing import Literal
 
 NameRule = Literal["identifier", "hyphenated"]
-"""How a part is named: as Python code is, or as worlds and missions are."""
+"""How a part is named: like Python code, or like worlds and missions."""
 
 _PART = {"part_name": "{name}", "PartName": "{class_name}"}
-"""The words that stand for the part's name in templates of ``parts``."""
+"""Words of the templates in ``parts`` that are replaced by the part's name."""
 
 
 @dataclass(frozen=True)
 class PartKind:
     """A kind of part.
 
-    ``files`` maps what is written, relative to the project, to its template in
-    ``navfw/scaffold/templates``; ``words`` maps regular expressions to what replaces their matches
-    in all of them. In both, and in ``then``, the next command, ``{name}`` is the name, ``{module}``
-    the name with underscores, ``{class_name}`` that of the class, ``{world}`` the world of a
-    mission.
-    ``{start}`` is one of ``starts``, of which the first is taken unless another one is chosen.
-    ``unique`` are the sorts of things among which the name must be new.
+    ``files`` maps each file to write, relative to the project, to its template in
+    ``navfw/scaffold/templates``; ``words`` maps regular expressions to replacements in all of them.
+    In both, and in ``then``, the next command, ``{name}`` is the name, ``{module}`` the name with
+    underscores, ``{class_name}`` that of the class, ``{world}`` the world of a mission, and
+    ``{start}`` one of ``starts``, by default the first. ``unique`` lists the kinds of things among
+    which the name must be new.
     """
 
     help: str
@@ -109,4 +108,4 @@ PARTS: dict[str, PartKind] = {
         then="navfw suite {name} --seeds 0:2",
     ),
 }
-"""The kinds of part, by the word after ``navfw new``."""
+"""The kinds of parts, by the word after ``navfw new``."""
