@@ -1,4 +1,4 @@
-"""Recording: the run folder, the log of a run, its picture, sensor readings and their replay."""
+"""Recording: the folder of a run, the file of its sensor readings, their export and replay."""
 
 import lazy_loader
 

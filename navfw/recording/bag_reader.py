@@ -1,7 +1,7 @@
-"""Bags of ROS 1 and 2: what their sensors measured, and their images.
+"""Read bags of ROS 1 and 2: the measurements of their sensors, and their images.
 
-The library rosbags reads files ``.bag``, ``.mcap`` and ``.db3``, and folders of ROS 2. A bag's own
-definitions of messages are not used, as rosbags would execute code made of them.
+The library rosbags reads files ``.bag``, ``.mcap`` and ``.db3``, and folders of ROS 2. The
+definitions of messages in a bag are not used, as rosbags would execute code made of them.
 """
 
 from __future__ import annotations
@@ -46,18 +46,18 @@ with extra_imports("bags"):
 _MAX_RATE = 10.0
 """Largest rate [rad/s] of a camera that sees more than blur; larger ones have another unit."""
 _REMEDIES = {".bag": "rosbag reindex", ".active": "rosbag reindex", ".mcap": "mcap recover"}
-"""What repairs a bag, by its suffix; ``ros2 bag reindex`` writes the metadata of a folder."""
+"""The command that repairs a bag, by its suffix; ``ros2 bag reindex`` repairs a folder."""
 
 _SENSORS = {
     "camera": "a camera: there are no images (sensor_msgs Image or CompressedImage)",
     "gyro": "a gyro: there is no topic of sensor_msgs/Imu",
     "wheels": "wheels: there is no topic of sensor_msgs/JointState or nav_msgs/Odometry",
 }
-"""What a bag without a sensor lacks."""
+"""What is said of a bag in which this sensor is missing."""
 
 
 class BagImage(NamedTuple):
-    """An image message, its ``name``, and when it was stamped and ``received`` [s]."""
+    """An image message, its ``name``, its stamp ``time`` and when it was ``received`` [s]."""
 
     name: str
     time: float
@@ -66,16 +66,16 @@ class BagImage(NamedTuple):
 
 
 class Bag:
-    """The bag at ``path``; times [s] count from its begin, by stamps, else by reception.
+    """Reads the bag at ``path``; times are seconds since its begin, by stamps, else by reception.
 
     Arrays have a row for each message, its time first: ``gyro`` (n, 4) rates about base_link's x,
     y, z [rad/s], ``odometry`` (n, 4) x, y [m] and yaw [rad] without jumps, ``joints`` (n, 3) the
     angles of the left and the right wheel [rad], ``commands`` (n, 3) v [m/s], w [rad/s]. ``images``
-    (n, 2) has times and reception of the images of ``topic``, or of the one with most pictures;
-    ``info`` is the first ``CameraInfo`` beside it, None without one. ``axes`` (3, 3) are
-    the gyro's, as columns, in base_link: those that ``imu_axes`` names, of ``/tf_static``, or by
-    the name of its frame; ``optical`` those of the camera, None if they are not known.
-    ``notes`` are remarks for people, ``assumed`` what was chosen for them.
+    (n, 2) has times and reception of the images of ``topic``, by default the topic with most
+    images; ``info`` is the first ``CameraInfo`` beside it, None if there is none. The columns of
+    ``axes`` (3, 3) are the gyro's axes in base_link: those that ``imu_axes`` names, else those of
+    ``/tf_static``, else by the name of its frame; ``optical`` are the camera's, None if unknown.
+    ``notes`` are remarks for people, ``assumed`` the choices that were made for them.
 
     Raises:
         ConfigError: it cannot be read, is too large, or damaged; ``topic`` shows no pictures.
@@ -191,28 +191,28 @@ class Bag:
 
     @property
     def lacking(self) -> dict[str, str]:
-        """The sensors that a map needs, and of which there are no messages: what is missing."""
+        """What is missing, by role, of the sensors that a map needs; {} if all have messages."""
         wheels = len(self.joints) or len(self.odometry)
         counts = {"camera": len(self.images), "gyro": len(self.gyro), "wheels": wheels}
         return {role: _SENSORS[role] for role, count in counts.items() if not count}
 
     @property
     def image_topic(self) -> str:
-        """The topic of the images; "" without one."""
+        """The topic whose images are read; "" if the bag has no images."""
         return self._topics["images"]
 
     @property
     def info_topic(self) -> str:
-        """The topic of the camera's ``info``; "" without one."""
+        """The topic of ``info``; "" if there is none beside the images."""
         return self._topics["info"]
 
     @property
     def matrix(self) -> Array:
-        """The camera matrix (9,) of ``info``: ``k`` of ROS 2, ``K`` of ROS 1."""
+        """The camera matrix (9,) of ``info``, row by row: ``k`` of ROS 2, ``K`` of ROS 1."""
         return np.asarray(self.info.k if hasattr(self.info, "k") else self.info.K)
 
     def each_image(self) -> Generator[BagImage]:
-        """The images in the order of their times, without those that go back."""
+        """Yield the images in the order of their times, without those whose time goes back."""
         topic = self._topics["images"]
         messages = self._messages(topic) if topic else iter(())
         for number, (row, sent) in enumerate(zip(self._all_images.tolist(), messages, strict=True)):
@@ -225,7 +225,7 @@ class Bag:
         return self._chosen(role, names[: 1 if role in {"gyro", "info", "mounts"} else None])
 
     def _chosen(self, role: str, names: list[str], option: str = "") -> str:
-        """The first of ``names``; the choice is assumed if there are several."""
+        """Return the first of ``names`` or "", and note the choice if there are several."""
         if len(names) < 2:
             return names[0] if names else ""
         others = f"{', '.join(names[1:4])} {'has' if len(names) == 2 else 'have'} such messages too"
@@ -233,7 +233,7 @@ class Bag:
         return names[0]
 
     def _image_topic(self, wanted: str | None) -> str:
-        """The topic ``wanted``, or that with most pictures; ``no_pictures`` says what others are.
+        """Return ``wanted``, or the topic with most images; set ``no_pictures``, reasons by topic.
 
         Raises:
             ConfigError: it shows no pictures.
@@ -262,7 +262,7 @@ class Bag:
         return wanted or self._chosen("images", pictures, "--topic")
 
     def _info_topic(self) -> str:
-        """The topic of the ``camera_info`` in the namespace of the images; "" without one."""
+        """Return the topic of the ``camera_info`` in the namespace of the images; "" if none."""
         images, infos = self._topics["images"], topics_of("info", self._counts)
         own = info_topics(images)
         beside = [info for info in own if info in infos]
@@ -288,9 +288,9 @@ class Bag:
     def _turn_to_base(
         self, gyro: Mapping[str, Array], camera: Mapping[str, Array], given: str | None
     ) -> Array | None:
-        """Turn the gyro's rates into base_link; the axes of the camera there, None if not known.
+        """Turn the gyro's rates into base_link; return the camera's axes there, None if unknown.
 
-        ``gyro`` and ``camera`` are the axes of their frames in those above, themselves first.
+        ``gyro`` and ``camera`` are each sensor's axes by the frames above it, its own frame first.
         """
         frame, axes = next(iter(gyro)), None if given is None else axes_of(given)
         roots = [name for name in camera if name in gyro and len(gyro) + len(camera) > 2]
@@ -318,7 +318,7 @@ class Bag:
         return np.asarray(seen if is_optical else seen @ OPTICAL)
 
     def _table(self, role: str, rows: list[tuple[float, ...]]) -> Array:
-        """Times, reception and numbers; nan as time of messages that are unusable."""
+        """Return times, reception and numbers; the time of messages that are unusable is nan."""
         table = np.array(rows, dtype=np.float64).reshape(-1, 2 + ROLES[role].width)
         topic = self._topics[role]
         off = float(np.median(table[:, 1] - table[:, 0])) if rows else 0.0
@@ -339,7 +339,7 @@ class Bag:
         return table
 
     def _messages(self, *topics: str) -> Generator[tuple[str, float, Any]]:
-        """Topic, time of reception [s] and content of messages, in that order."""
+        """Yield topic, time of reception [s] and content of messages, by that time."""
         types = message_types(ros1=self._is_ros1)
         with self._opened() as readers:
             for reader in readers:
@@ -359,7 +359,7 @@ class Bag:
 
     @contextmanager
     def _opened(self) -> Iterator[list[Any]]:
-        """The open readers of rosbags, of each file, in the order of their times."""
+        """Open the readers of rosbags, one for each file, in the order of their times."""
         rosbag = rosbag1 if self._is_ros1 else rosbag2
         try:
             with ExitStack() as stack:
@@ -380,7 +380,7 @@ def _where(behind: float) -> str:
 
 
 def deserialize_cdr(data: bytes, kind: str) -> Any:
-    """The message of ``kind`` in ``data``, behind which ROS may leave up to eight bytes."""
+    """Decode the message of type ``kind`` in ``data``, ignoring up to 8 bytes at its end."""
     types = message_types()
     for excess in (0, 4):
         with suppress(SerdeError):
@@ -389,7 +389,7 @@ def deserialize_cdr(data: bytes, kind: str) -> Any:
 
 
 def driven_way(odometry: Array) -> Array:
-    """(n,) the way [m] driven ahead at each row of ``odometry`` (n, 4), backward negative."""
+    """Return the distance (n,) [m] driven up to each row of ``odometry`` (n, 4), back negative."""
     steps, yaw = np.diff(odometry[:, 1:3], axis=0), odometry[:, 3]
     middle = 0.5 * (yaw[1:] + yaw[:-1])
     ahead = steps[:, 0] * np.cos(middle) + steps[:, 1] * np.sin(middle)

@@ -1,4 +1,4 @@
-"""Topics of a bag: which one plays which role, and the numbers in its messages."""
+"""Choose a bag's topics by their role, and extract the numbers of their messages."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _MAX_LEAN = 0.15
 
 
 def turn_rates(message: Any) -> tuple[float, ...]:
-    """The rates (3,) [rad/s] of an ``Imu``; nan where it has none."""
+    """Return the rates (3,) [rad/s] of an ``Imu`` in its own frame; nan if it measures none."""
     rates, absent = message.angular_velocity, message.angular_velocity_covariance[0] == -1.0
     return (math.nan,) * 3 if absent else (rates.x, rates.y, rates.z)
 
@@ -42,7 +42,7 @@ def _command(message: Any) -> tuple[float, ...]:
 
 
 class Role(NamedTuple):
-    """Types of messages, the usual end of the topic's name; the ``numbers`` (``width``,) of one."""
+    """Types of messages, the usual end of the topic's name, and ``numbers`` (``width``,) of one."""
 
     kinds: tuple[str, ...]
     usual: str
@@ -59,10 +59,10 @@ ROLES = {
     "info": Role(("sensor_msgs/msg/CameraInfo",), "camera_info"),
     "mounts": Role(("tf2_msgs/msg/TFMessage",), "tf_static"),
 }
-"""What is read of a bag."""
+"""The roles of topics that are read of a bag."""
 
 _TRANSPORTS = {"compressed", "compressedDepth", "theora", "ffmpeg", "zstd"}
-"""Last parts of the names of topics that ``image_transport`` makes of that of an image."""
+"""Last parts of names of topics that ``image_transport`` derives from an image's."""
 
 
 def topics_of(role: str, counts: Iterable[tuple[str, str, int]], images: str = "") -> list[str]:
@@ -82,7 +82,7 @@ def topics_of(role: str, counts: Iterable[tuple[str, str, int]], images: str = "
 
 
 def info_topics(images: str) -> tuple[str, str]:
-    """The usual topic of the ``camera_info`` of ``images``, and that of AirSim's cameras."""
+    """Return the usual topic of the ``camera_info`` beside ``images``, and that of AirSim."""
     parts = images.split("/")
     name = "/".join(parts[:-1] if parts[-1] in _TRANSPORTS else parts)
     return f"{name.rpartition('/')[0]}/camera_info", f"{name}/camera_info"

@@ -1,4 +1,4 @@
-"""The channels of a recording and of the live server: topic, schema, rate and content."""
+"""List the channels of a recording and of the live server: topic, schema, rate and content."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ int64 pictures               # images of this tick: 1 camera, 2 landmarks, 4 sid
 float64 v                    # the stack's command [m/s]
 float64 w                    # the stack's command [rad/s]
 """
-"""The ROS 2 definition of the message."""
+"""The definition of the message with one sensor reading, in ROS 2's language."""
 
 DECISION_NAME = "navfw_msgs/msg/Decision"
 
@@ -39,11 +39,11 @@ string values      # JSON: what behaviours and fusion knew, and the command that
 float64[] numbers  # free distances, conflicts with moving obstacles, obstacles in the image
 uint8[] labels     # of the percept's cells
 """
-"""The ROS 2 definition of the message: the context of one decision."""
+"""The definition of the message with the context of one decision."""
 
 
 class ImageFlags(IntFlag):
-    """The images that belong to a reading."""
+    """Flags of the images that belong to a reading."""
 
     CAMERA = 1
     LANDMARKS = 2
@@ -56,20 +56,20 @@ MAX_BYTES = 1 << 30
 FORMAT_VERSION = 2
 """Version of the channels; raised when a replay reads them differently."""
 PROFILE = "navfw-"
-"""Profile of the file, before the version."""
+"""The file's profile (the kind of its content), to which the version is appended."""
 
 RUN = "navfw.run"
-"""Name of the metadata that describe the run, at the begin of the file."""
+"""Name of the MCAP metadata at the begin of the file, which describe the run."""
 END = "navfw.end"
-"""Name of the metadata at the end of the data; without them the run is not complete."""
+"""Name of the MCAP metadata behind the data; if they are missing, the file is incomplete."""
 
 
 DIGITS = 6
-"""Significant digits of numbers in messages of JSON, which are for people."""
+"""Significant digits of the numbers in messages of JSON, which people read."""
 
 
 class Topic(str):
-    """The topic of a channel, with the name of its schema, how often, and what is in it."""
+    """A channel's topic, with the name of its schema, its usual ``rate``, and its ``content``."""
 
     __slots__ = ("content", "rate", "schema")
     schema: str
@@ -77,7 +77,7 @@ class Topic(str):
     content: str
 
     def __new__(cls, topic: str, schema: str, rate: str, content: str) -> Self:
-        """A channel called ``topic``."""
+        """Make a channel named ``topic``."""
         info = super().__new__(cls, topic)
         info.schema, info.rate, info.content = schema, rate, content
         return info
@@ -103,7 +103,7 @@ CHASE_IMAGE = Topic(
 SIDE_IMAGES = (LEFT_IMAGE, RIGHT_IMAGE)
 IMAGES = (CAMERA_IMAGE, LANDMARK_IMAGE, *SIDE_IMAGES)
 SENSOR_CHANNELS = (READING, *IMAGES)
-"""What a replay needs, bit for bit."""
+"""The channels that a replay needs, lossless."""
 
 FLOW = Topic("/flow", _ANNOTATIONS, "5 Hz", "derotated flow, lines over the camera's image")
 CELLS = Topic("/percept/cells", _ANNOTATIONS, "5 Hz", "what each flow cell shows, by colour")
@@ -137,7 +137,7 @@ TWIST = Topic("/cmd_vel", _TWIST, "60 Hz", "command")
 CAMERA_INFO = Topic("/camera/camera_info", "sensor_msgs/msg/CameraInfo", "10 Hz", "camera")
 LOG = Topic("/rosout", "rcl_interfaces/msg/Log", "1 Hz", "what it does")
 DRIVEN = Topic("/cmd_vel/driven", _TWIST, "10 Hz", "of a bag's replay: the bag's `cmd_vel`")
-"""What the robot was commanded in its stead while the stack was not in command."""
+"""The commands that moved the robot while the stack did not command it."""
 
 CHANNELS = (
     *(*SENSOR_CHANNELS, FLOW, CELLS, PERCEPT, LOCAL_MAP, LOCAL_GOAL, OBSTACLES, TRUE_OBSTACLES),
@@ -145,20 +145,20 @@ CHANNELS = (
     RULE_BASES,
     *(IMU, JOINTS, ODOMETRY, TWIST, CAMERA_INFO, LOG),
 )
-"""All channels of a run: what a replay needs, and what people and tools look at."""
+"""All channels of a run: those that a replay needs, and those for people and tools."""
 
 
 Discs = Sequence[tuple[float, float, float]]
-"""x, y, radius [m, map frame]."""
+"""Circles in top view, each x, y, radius [m], in the map frame."""
 Chase = Callable[["Pose", Discs], "Image"]
-"""Draws the robot at its true pose among what moves by itself, seen from behind, in BGR."""
+"""Draws the robot at its true pose and the moving obstacles, seen from behind, in BGR."""
 
 
 @dataclass(frozen=True, slots=True)
 class SeenRun:
-    """What the channels show besides the readings: the stack at work, and the world around it.
+    """The sources of the channels besides the readings: the stack, and the world around it.
 
-    ``movers`` gives what moves by itself, ``chase`` is for the live server.
+    ``movers`` gives the moving obstacles now; ``chase`` draws views, for the live server only.
     """
 
     stack: Stack
@@ -168,5 +168,5 @@ class SeenRun:
 
 
 def nanoseconds(time: float) -> int:
-    """Simulated ``time`` [s] as MCAP counts it [ns]; times before the run count as its start."""
+    """Convert simulated ``time`` [s] to MCAP's [ns]; times before the run become 0."""
     return max(0, round(1e9 * time))

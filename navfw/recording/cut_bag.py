@@ -1,4 +1,4 @@
-"""Bags that a crash or a full disk cut off: their intact part, as a bag."""
+"""Recover the intact part of bags that a crash or a full disk cut off."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ with extra_imports("bags"):
 
 _MAGIC = b"\x89MCAP0\r\n"
 _CHUNK, _LAST = 0x06, 0x0E  # defined
-"""Codes of an MCAP record: of a chunk, and the last one of a file's data and its index."""
+"""Codes of MCAP records: of a chunk, and the highest code in a file's data and its index."""
 _HEAD = struct.Struct("<BQ")
-"""Code and length of a record."""
+"""The head of a record: its code and its length [byte]."""
 _END = _HEAD.pack(0x02, 20) + bytes(20) + _MAGIC
-"""The end of a file without an index."""
+"""The end of a file that has no index."""
 _SQLITE = struct.Struct(">16xH10xI")  # defined
 """The size of a page [byte], 1 for 65536, and the number of pages in the head of SQLite's files."""
 _MAX_PART = 1 << 28
@@ -38,7 +38,7 @@ _TABLES = ("schema", "metadata", "message_definitions", "topics", "messages")
 
 
 def is_cut(path: Path) -> bool:
-    """Whether a bag's file is shorter than it should be, or there is a log of messages beside it.
+    """Return whether a bag's file lacks its end, or has messages in a log (``-wal``) beside it.
 
     Raises:
         ConfigError: it cannot be read.
@@ -59,7 +59,7 @@ def is_cut(path: Path) -> bool:
 
 
 def mended(path: Path, folder: Path) -> Path:
-    """A copy in ``folder`` of the intact part of a bag's file that ``is_cut``.
+    """Write the intact part of the bag's file at ``path`` into ``folder``, and return its path.
 
     Raises:
         Exception: it is damaged otherwise; of many kinds.

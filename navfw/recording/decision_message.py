@@ -1,4 +1,4 @@
-"""The message of a decision: what behaviours and fusion knew, and the command they gave.
+"""Encode and decode a decision: the inputs of behaviours and fusion, and their command.
 
 It has all that shipped behaviours use, bit by bit: with it a decision is made again without the
 images and the perception before it. In `office` these messages are 7 % of a recording, and writing
@@ -28,7 +28,7 @@ T = TypeVar("T")
 
 
 def decision_fields(context: Context, twist: Twist) -> dict[str, Any]:
-    """Return the fields of the message of a decision: its context, and the command's ``twist``.
+    """Return the message's fields for a decision: its context, and the command's ``twist``.
 
     ``values`` are JSON. The flow is left out, and of the percept all but its time, the cells that
     show an obstacle, the quadrants, and the degree of the floor in front.
@@ -87,7 +87,7 @@ def _parts(message: bytes) -> tuple[str, Array, Any]:
 
 
 def decision_of(message: bytes, robot: RobotModel, commands: CommandGrid) -> tuple[Context, Twist]:
-    """Return context and command in a ``message``; what it lacks raises AttributeError if read."""
+    """Decode context and command; reading a field that ``message`` lacks raises AttributeError."""
     text, numbers, labels = _parts(message)
     values = json.loads(text)
     place = 0

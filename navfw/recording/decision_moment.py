@@ -1,4 +1,4 @@
-"""A recorded decision that can be made again, by the real behaviours, with one thing changed."""
+"""Make a recorded decision again, by the real behaviours, with some of their numbers changed."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from navfw.signals import Command, Proposal
 class Shift:
     """A change to try: ``amount`` is added to an input or break point, or multiplies a weight.
 
-    It is of the ``name``d input of a behaviour's or composite's rules; of the weight of their rule
-    number ``rule``; of the break point ``corner`` (input, term, number) of a term; or, with none of
-    these, of the behaviour's own weight.
+    It changes the input ``name`` of a behaviour's or composite's rules; the weight of its rule of
+    index ``rule``; the break point ``corner`` (input, term, index) of a term; or, if none of these
+    is given, the weight of the behaviour ``behavior`` itself.
     """
 
     behavior: str
@@ -36,18 +36,18 @@ class Shift:
 
     @property
     def multiplies(self) -> bool:
-        """Whether the amount is a factor, of a weight."""
+        """Whether ``amount`` is a factor of a weight; else it is added."""
         return not self.name and self.corner is None
 
     def scaled(self, share: float) -> Shift:
-        """Return that ``share`` of the change."""
+        """Return the change reduced to ``share`` of it: 0 changes nothing, 1 is the whole."""
         if self.multiplies:
             return replace(self, amount=1.0 + share * (self.amount - 1.0))
         return replace(self, amount=share * self.amount)
 
 
 def edited(base: RuleBase, shifts: Sequence[Shift]) -> RuleBase:
-    """Return ``base`` with parts of rules changed; ValueError if a break point passes another."""
+    """Return a changed copy of ``base``; ValueError if a break point would pass its neighbour."""
     rules, inputs = list(base.rules), dict(base.inputs)
     for shift in shifts:
         if shift.rule is not None:
@@ -69,7 +69,7 @@ def _moved(shape: Shape, shift: Shift) -> Trapezoid:
 
 
 class _ShiftedRules(BehaviorRules):
-    """Rules with some changes; ``seen`` are the values of inputs before that."""
+    """Rules with changes applied; ``seen`` has the values of the inputs before them."""
 
     def __init__(self, rules: BehaviorRules, shifts: Sequence[Shift]) -> None:
         if any(not shift.name for shift in shifts):
@@ -97,7 +97,7 @@ class _ShiftedRules(BehaviorRules):
 
 @dataclass
 class DecisionMoment:
-    """A decision that can be made again: the plugins as they were before it, and their context."""
+    """A decision to make again: its context, and the plugins in their state before it."""
 
     mofis: Mofis
     context: Context
@@ -115,7 +115,7 @@ class DecisionMoment:
                 self._raw[name] = proposal
 
     def decide(self, shifts: Sequence[Shift] = ()) -> tuple[Command, dict[str, Proposal]]:
-        """Return the command, and the weighted proposals, with ``shifts`` applied.
+        """Return the command and the weighted proposals that result from ``shifts``.
 
         Raises:
             ValueError: a break point would pass another one.
@@ -139,7 +139,7 @@ class DecisionMoment:
         return self.mofis.fusion.fuse(self.context, proposals), proposals
 
     def inputs(self, cell: tuple[int, int]) -> Iterator[tuple[str, Variable, float]]:
-        """Behaviour or composite, input, and its value for the command at ``cell``."""
+        """Yield behaviour or composite, its input, and its value for the command at ``cell``."""
         for (owner, name), values in self._values.items():
             rules = self.rules_of(owner)
             if rules is not None:
@@ -148,13 +148,13 @@ class DecisionMoment:
                 yield owner, rules.base.inputs[name], value
 
     def fired(self, owner: str, cell: tuple[int, int]) -> Mapping[str, float]:
-        """Return the strength of each rule of a behaviour or composite that fired for ``cell``."""
+        """Return the strength of each rule of ``owner`` that fired for ``cell``, by its text."""
         proposal = self._raw.get(owner)
         rules = self._weighing if proposal is None else proposal.explain(*cell)
         return {rule["rule"]: rule["strength"] for rule in rules}
 
     def touches(self, shift: Shift) -> bool:
-        """Return whether a moved break point changes the degree of any value of its input."""
+        """Whether moving a break point by ``shift`` changes the degree of any input value."""
         rules = self.rules_of(shift.behavior)
         if shift.corner is None or rules is None:
             return True
@@ -164,7 +164,7 @@ class DecisionMoment:
         return not np.array_equal(_moved(shape, shift)(values), shape(values))
 
     def rules_of(self, owner: str) -> BehaviorRules | None:
-        """Return the rules of a behaviour or composite; None if it has none."""
+        """Return the rules of the behaviour or composite ``owner``; None if it has none."""
         plugin = self.behaviors.get(owner, self.composite)
         return plugin.rules if isinstance(plugin, RuledBehavior | RuledComposite) else None
 
@@ -189,7 +189,7 @@ class DecisionMoment:
 
 
 def copy_of(plugin: Any) -> Any:
-    """Return a copy of a plugin that shares its robot, parameters and rules."""
+    """Return a deep copy of a plugin that shares the robot, parameters and rules."""
     shared = [plugin.robot, plugin.params, getattr(plugin, "rules", None)]
     return copy.deepcopy(plugin, {id(one): one for one in shared})
 

@@ -1,8 +1,8 @@
-"""Explanations of recorded commands: read from the recording, at any moment of it.
+"""Explain recorded commands at any moment of a recording.
 
-A recording has the explanation of every decision, found by the index at its end. What it lacks (the
-inference behind the sentence, explanations in a file that is cut off or older) the stack gives
-again, run on the readings from the start.
+A recording has the explanation of every decision, found by the index at its end. The rest (the
+inference behind the sentence, explanations in a file that is cut off or older) is computed again by
+the stack, run on the readings from the start.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ _AFTER = 1.0
 
 
 def explain_at(folder: str | Path, time: float, *, inference: bool = False) -> dict[str, Any]:
-    """Why the command in force at ``time`` [s] of a recorded run was given, as plain data.
+    """Explain why the command in force at ``time`` [s] of a recorded run was given, as JSON data.
 
-    The proposal of each behaviour for it, the rules that fired with their strengths, and what OFFIS
-    perceived (``Stack.explain``); with ``inference``, how OFFIS inferred that. Only if the
-    recording ends before its run did is there a key ``complete``, which is False.
+    It has each behaviour's proposal, the rules that fired with their strengths, and OFFIS's percept
+    (keys of ``Stack.explain``); with ``inference`` also the rules by which OFFIS inferred it. Only
+    if the recording ends before its run is there a key ``complete``, which is False.
 
     Raises:
         InputError: the folder is not that of a run with ``--record``, or is damaged; or no command
@@ -51,10 +51,9 @@ def explain_at(folder: str | Path, time: float, *, inference: bool = False) -> d
 
 
 def _recorded(folder: str | Path, time: float) -> tuple[dict[str, Any], float] | None:
-    """The recorded explanation at ``time`` [s], and the time of the last reading [s].
+    """Return the recorded explanation at ``time`` [s], and the time of the last reading [s].
 
-    None if the file does not have it, or is not whole: what is wrong with it is found by reading
-    all of it.
+    None if the file does not have it or is cut off: then all of it is read, which finds the fault.
     """
     with extra_imports("record"):
         from mcap.exceptions import McapError

@@ -1,4 +1,4 @@
-"""Readings of a recording without wheels or without a gyro, made up by the floor's motion.
+"""Replace missing wheels or a missing gyro in a recording by the motion of the floor in images.
 
 The camera's height gives the scale. From key image to image the motion over the floor is registered
 as ``FloorOdometry`` does it, but without wheels as a prior, or without a gyro.
@@ -25,22 +25,21 @@ _KEY = 0.12, math.radians(8.0)  # chosen
 ``FloorOdometry``."""
 
 _DRIVEN_SIGMA, _TURNED_SIGMA = (0.02, 0.03), (0.01, 0.03)  # chosen
-"""Standard deviations of what is expected of the motion since the last image: distance [m] and turn
-[rad], if wheels and gyro measured them, and if they are as before."""
+"""Standard deviations of the expected motion since the last image, distance [m] and turn [rad]: if
+wheels and gyro measured it, and if the last speed is kept."""
 
 _ASIDE_SIGMA = 0.005  # chosen
-"""The same of the motion to the side [m]: wheels do not slide."""
+"""The same for the motion to the side [m]: wheels do not slide."""
 
 _GATE = 3.0  # chosen
-"""Deviation [sigma] from what is expected from which what was registered is not the floor."""
+"""Deviation [sigma] from the expected motion above which a registration is discarded."""
 
 _CLEAR = 0.85, 0.92  # measured
 """Least share of agreeing pixels, and of the variance that they explain, of an image that shows the
-floor. In three drives they were 0.87 and 0.94 at least, and up to 0.90 explained of walls in view.
-"""
+floor. In three drives they were 0.87 and 0.94 at least; walls in view explained 0.90 at most."""
 
 _REST = np.array([3e-4, 1e-3])  # measured
-"""Motion [m, rad] up to which the robot has not moved: what noise makes of two images is less."""
+"""Motion [m, rad] below which the robot stands still: the noise of two images is less."""
 
 _HERE = Pose(0.0, 0.0, 0.0)
 
@@ -48,11 +47,11 @@ _HERE = Pose(0.0, 0.0, 0.0)
 def with_floor_motion(
     readings: Sequence[SensorReading], robot: RobotModel, missing: Collection[str]
 ) -> tuple[list[SensorReading], float]:
-    """Return ``readings`` with what the floor shows in place of ``missing`` sensors.
+    """Return ``readings`` with the floor's motion in place of the sensors ``missing``.
 
-    ``missing`` has "wheels", "gyro", or both. Also returned is the share of the images in which the
-    floor's motion was found. Without wheels readings are left out around which it was not found for
-    longer than the ``GAP`` at which drives are split.
+    ``missing`` holds "wheels", "gyro", or both. The second value is the share (0 to 1) of images in
+    which the motion was found. Without wheels, readings are left out around which it was not found
+    for longer than the ``GAP`` at which drives are split.
     """
     times = np.array([reading.time for reading in readings])
     lens = robot.camera.undistortion()
@@ -86,7 +85,7 @@ def with_floor_motion(
 def _measured(
     readings: Sequence[SensorReading], robot: RobotModel, missing: Collection[str]
 ) -> Array:
-    """Distance [m] and turn [rad] up to each reading, (2, n), by the sensors; nan without any."""
+    """Return distance [m] and turn [rad] up to each reading, (2, n), by the sensors; else nan."""
     per_tick = 2.0 * math.pi * robot.wheel_radius / robot.ticks_per_turn
     ticks = np.array([(r.encoders.left, r.encoders.right) for r in readings])
     rolled = np.full(ticks.shape, math.nan) if "wheels" in missing else per_tick * ticks
@@ -101,9 +100,9 @@ def _measured(
 def _floor_steps(
     frames: Sequence[Frame], expected: Array, robot: RobotModel, missing: Collection[str]
 ) -> Array:
-    """Distance [m] and turn [rad] since the image before, and whether it was seen, (n, 3).
+    """Return (n, 3): distance [m], turn [rad] since the image before, 1 if the floor showed it.
 
-    ``expected`` (n, 2) are distances and turns by the sensors, nan where they are as before.
+    ``expected`` (n, 2) are the sensors' distances and turns, nan if the last speed is expected.
     """
     registration = FloorRegistration(robot.with_reduced_images())
     driven, turned = _DRIVEN_SIGMA["wheels" in missing], _TURNED_SIGMA["gyro" in missing]

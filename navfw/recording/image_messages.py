@@ -1,4 +1,4 @@
-"""Images of ROS in messages: their encodings, and what shows no picture."""
+"""Convert ROS's image messages to images in BGR, and recognize those that show no picture."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from navfw.errors import ConfigError, did_you_mean
 from navfw.numerics import Image
 
 BITS = (8, 10, 12, 14, 16)
-"""Numbers of bits of cameras' converters; files keep all beyond 8 in 16 bits."""
+"""Bits of a camera's pixels; messages keep pixels of more than 8 bits in 16."""
 _GREY = cv2.COLOR_GRAY2BGR
 _ENCODINGS: dict[str, tuple[int, int | None, int | None]] = {
     **dict.fromkeys(("mono8", "8UC1", "mono16"), (1, 0, _GREY)),
@@ -29,9 +29,9 @@ _ENCODINGS: dict[str, tuple[int, int | None, int | None]] = {
     **dict.fromkeys(("bayer_gbrg8", "bayer_gbrg16"), (1, 0, cv2.COLOR_BayerGBRG2BGR)),
     **dict.fromkeys(("bayer_grbg8", "bayer_grbg16"), (1, 0, cv2.COLOR_BayerGRBG2BGR)),
 }
-"""Numbers of a pixel, which of them counts if not all, and OpenCV's conversion to BGR.
+"""Numbers of a pixel, the index of the one that is used (None: all), OpenCV's code to BGR.
 
-16UC1 is depth; of YUV the luminance counts.
+16UC1 is depth; of YUV the luminance is used.
 """
 _DISTANCES = re.compile(r"compressedDepth|(16U|16S|32S|32F|64F)C[12]?(?!\w)")
 _COLOURED = re.compile(r"rgb|bgr|bayer|yuv|yuyv|uyvy|nv\d|8UC[34]|16UC[34]")
@@ -40,13 +40,13 @@ _FILM = re.compile(r"theora|h\.?26[45]|hevc|\bav1|\bvp[89]|CompressedVideo|FFMPE
 
 
 def is_film(kind: str) -> str:
-    """The words by which a type or format of message is that of a video; "" if it is none."""
+    """Return the part of a message's type or format that names a video; "" if none does."""
     film = _FILM.search(kind)
     return film[0] if film else ""
 
 
 def no_picture(message: Any, topic: str) -> str:
-    """What an image message on ``topic`` shows, if not what people see: depth, infrared, video."""
+    """Return "" if a message on ``topic`` shows a picture, else what: depth, infrared or video."""
     kind = message.format if hasattr(message, "format") else message.encoding
     if _DISTANCES.search(kind):
         return f"depth ({kind:.40})"
@@ -58,9 +58,9 @@ def no_picture(message: Any, topic: str) -> str:
 
 
 def ros_image(message: Any, name: str) -> Image:
-    """The image (height, width, 3) BGR in an ``Image`` or ``CompressedImage`` called ``name``.
+    """Convert an ``Image`` or ``CompressedImage`` named ``name`` to BGR (height, width, 3), 8 bits.
 
-    One of 16 bits is scaled by the least number of bits that holds its pixels.
+    Pixels of 16 bits are scaled by the least number of bits that holds all of them.
 
     Raises:
         ConfigError: its encoding is unknown, its size impossible, or its content damaged.
@@ -74,7 +74,7 @@ def ros_image(message: Any, name: str) -> Image:
 
 
 def deep_image(message: Any, name: str) -> Any:
-    """The image as ``ros_image``, with its 8 or 16 bits; of YUV the luminance."""
+    """Convert an image as ``ros_image`` does, but keep 16 bits (uint16)."""
     if hasattr(message, "format"):
         return np.asarray(decode_image(bytes(message.data), name), dtype=np.uint8)
     coding, is_deep = message.encoding, "16" in message.encoding

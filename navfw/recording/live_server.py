@@ -1,4 +1,4 @@
-"""The live server of a run: its channels by Foxglove's WebSocket protocol, and a page for them.
+"""Serve a run's channels live by Foxglove's WebSocket protocol, and a page that shows them.
 
 It has no thread of its own: it serves between two control ticks, and while it holds the run.
 """
@@ -28,22 +28,22 @@ with extra_imports("record"):
     from navfw.recording.run_channels import RunChannels, channel_schema, image_message
 
 _MIN_SPEED, _MAX_SPEED = 0.05, 50.0
-"""Bounds of a run's speed [simulated per wall time]."""
+"""Bounds of a run's speed [simulated time per wall time]."""
 _PAGE = Subprotocol("navfw.live.v1")
-"""Foxglove's protocol, and messages ``navfw``: the run's state to the page, its commands back."""
+"""Foxglove's protocol with messages ``navfw``: state of the run to the page, its commands back."""
 _PROTOCOLS = (_PAGE, Subprotocol("foxglove.sdk.v1"), Subprotocol("foxglove.websocket.v1"))
 _MAX_WAITING = 1 << 22
-"""What may wait for a slow client before its messages are dropped [byte]."""
+"""Data [byte] waiting for a slow client above which further messages to it are dropped."""
 _PERIOD = 0.05
 """Longest wall time between two looks at the clients while the run waits for its speed [s]."""
 _CHASE_SHARE = 0.15
-"""Largest share of the wall time for views from behind."""
+"""Largest share of the wall time that drawing the views from behind may take."""
 _CATCH_UP = 0.2
 """Wall time by which a run may be behind its speed and still catch up [s]."""
 
 
 class _LiveChannel:
-    """A channel with its receivers, each with the start of its messages: opcode, subscription."""
+    """A channel with its receivers: by client the head (opcode, subscription) of its messages."""
 
     def __init__(self, number: int, info: Topic) -> None:
         encoding, schema = channel_schema(info)
@@ -59,28 +59,28 @@ class _LiveChannel:
         }
 
     def has_sinks(self) -> bool:
-        """Whether it has receivers."""
+        """Return whether any client has subscribed to the channel."""
         return bool(self.receivers)
 
     def log(self, data: bytes, log_time: int) -> None:
-        """Send ``data`` of ``log_time`` [ns] to the receivers."""
+        """Send ``data`` with the time ``log_time`` [ns] to the subscribers."""
         for client, start in self.receivers.items():
             _send(client, start + log_time.to_bytes(8, "little") + data)
 
 
 def _send(client: ServerConnection, data: bytes) -> None:
-    """Send binary ``data``, unless too much waits already."""
+    """Send binary ``data``; drop it if too much waits for the client already."""
     if client.transport.get_write_buffer_size() < _MAX_WAITING:
         broadcast([client], data)
 
 
 class LiveServer(PageServer):
-    """Serves what is ``seen`` of a run until ``end``, to those whom ``PageServer`` answers.
+    """Serves the channels of a run until ``end``, as ``PageServer`` serves its page.
 
     ``page`` (HTML) may pause the run and set its ``speed`` [simulated per wall time], None for as
-    fast as it goes; nothing else can be commanded, and the run gives the same commands. With
-    ``wait`` it begins with the first viewer. What nobody has subscribed to is not computed, and
-    what a slow client does not fetch is dropped.
+    fast as it goes; viewers can command nothing else, and the run's commands stay the same. With
+    ``wait`` it begins with the first viewer. A channel that nobody has subscribed to is not
+    computed; messages that a slow client does not fetch are dropped.
 
     Raises:
         InputError: the port is in use, or must not be used; the speed is out of its bounds.
@@ -108,7 +108,7 @@ class LiveServer(PageServer):
         super().__init__(port, page, origins)
 
     def follow(self, seen: SeenRun, page: str) -> None:
-        """Serve another run at the same address from here on; viewers load its ``page``."""
+        """Serve another run at the same address from now on; viewers load its ``page``."""
         self._begin(seen)
         self.pages["/"] = page.encode()
         self._await(self._send_away())
@@ -128,7 +128,7 @@ class LiveServer(PageServer):
         self._last: tuple[SensorReading, Twist, Pose] | None = None
 
     def observe(self, reading: SensorReading, twist: Twist, pose: Pose) -> None:
-        """Send one control tick: reading, the stack's command, the true pose; hold the run."""
+        """Send one control tick (``pose`` is the true one), then delay or hold the run."""
         self._channels.observe(reading, twist, pose)
         if reading.frame is not None:
             self._last = (reading, twist, pose)
@@ -147,7 +147,7 @@ class LiveServer(PageServer):
             self.serve(min(ahead, _PERIOD))
 
     def _show_chase(self, at: float, pose: Pose) -> None:
-        """Send the view from behind, if somebody looks and its share of the time is not used up."""
+        """Send the view from behind if somebody subscribed and its share of time is not used up."""
         channel, begun = self._open.get(topics.CHASE_IMAGE), time.monotonic()
         if self._seen.chase and channel and channel.has_sinks() and begun > self._chase_due:
             image, now = self._seen.chase(pose, self._seen.movers()), topics.nanoseconds(at)
@@ -155,19 +155,19 @@ class LiveServer(PageServer):
             self._chase_due = begun + (time.monotonic() - begun) / _CHASE_SHARE
 
     def tell_end(self, message: str) -> None:
-        """Show how the run ended."""
+        """Show viewers how the run ended; the server goes on."""
         self._ended = message
         self._tell_state(self._server.connections)
 
     def end(self, message: str = "the run has ended", *, stay: bool = False) -> None:
-        """Tell how the run ended, and end the server; with ``stay`` not before Ctrl-C."""
+        """Show how the run ended, and close the server; with ``stay`` only after Ctrl-C."""
         self.tell_end(message)
         if stay:
             self.stay()
         self.close()
 
     def _hold(self) -> None:
-        """Serve while the run stands still; who joins sees its newest frame."""
+        """Serve while the run stands still; a viewer that joins gets its newest frame."""
         super()._hold()
         if self._joined and self._last is not None:
             self._channels.observe(*self._last)
@@ -177,7 +177,7 @@ class LiveServer(PageServer):
         return self._open.setdefault(info, _LiveChannel(len(self._open), info))
 
     async def _view(self, client: ServerConnection) -> None:
-        """Take the messages of a viewer; one that cannot be read ends the connection."""
+        """Take the messages of a viewer; close the connection at one that cannot be read."""
         about = {"name": "navfw", "capabilities": ["time"], "supportedEncodings": []}
         tell(client, op="serverInfo", **about, metadata={})
         tell(client, op="advertise", channels=[c.advertised for c in self._open.values()])
@@ -202,7 +202,7 @@ class LiveServer(PageServer):
                 tell(client, op="status", level=0, message=self._ended)
 
     def _take(self, client: ServerConnection, text: str | bytes) -> None:
-        """Take a message of a viewer; raises errors of many kinds for one that cannot be read."""
+        """Handle a viewer's message; raises errors of many kinds if it cannot be read."""
         message = json.loads(text)
         if message["op"] == "subscribe":
             channels = [*self._open.values()]
@@ -223,7 +223,7 @@ class LiveServer(PageServer):
 
 
 def _checked(speed: float | None) -> float | None:
-    """A speed of the run; raises InputError, or TypeError for what is no number."""
+    """Return ``speed``; raise InputError if out of bounds, TypeError if it is not a number."""
     if not (speed is None or _MIN_SPEED <= speed <= _MAX_SPEED):
         raise InputError(f"is to be between {_MIN_SPEED} and {_MAX_SPEED:g}", key="--speed")
     return speed

@@ -1,4 +1,4 @@
-"""A page that a command serves to this machine alone, with a WebSocket for its messages.
+"""Serve a command's page to browsers on this machine only, with a WebSocket for messages.
 
 It has no thread of its own: it serves while ``serve`` or ``stay`` is called.
 """
@@ -30,7 +30,7 @@ _HOST = "127.0.0.1"
 _PERIOD = 0.05
 """Wall time between two looks at the clients while nothing else is done [s]."""
 _SILENT = logging.Logger("navfw.page", level=logging.CRITICAL + 1)
-"""What clients do wrong is nobody's news."""
+"""A logger that drops all: errors of clients are not reported."""
 _HEADERS = {
     "Content-Type": "text/html; charset=utf-8",
     "Cache-Control": "no-store",
@@ -42,16 +42,16 @@ _HEADERS = {
 
 
 def tell(client: ServerConnection, **message: Any) -> None:
-    """Send a message in JSON."""
+    """Send a message in JSON to a client."""
     broadcast([client], json.dumps(message))
 
 
 class PageServer(ABC):
-    """Serves ``page`` (HTML) at ``url``, and takes the messages of its viewers; port 0: a free one.
+    """Serves ``page`` (HTML) at ``url`` and takes its viewers' messages; port 0: any free one.
 
-    It listens on the loopback interface, and answers only where Host is this machine, the address
-    has the token of ``url``, and Origin, which browsers send, is the page's own or one of
-    ``origins``. ``pages`` are further ones by their path.
+    It listens on the loopback interface, and answers only if Host is this machine, the address has
+    the token of ``url``, and Origin, which browsers send, is the page's own or one of ``origins``.
+    ``pages`` are the contents by path; further ones may be added.
 
     Raises:
         InputError: the port is in use, or must not be used.
@@ -59,13 +59,13 @@ class PageServer(ABC):
     """
 
     command: ClassVar[str]
-    """The command that has printed the address."""
+    """The command that has printed the address, named in refusals."""
     foreign: ClassVar[str] = "the page is of another origin"
-    """What is said to a page of another origin."""
+    """The refusal sent to a page of another origin."""
     protocols: ClassVar[Sequence[Subprotocol]]
-    """The protocols of the WebSocket."""
+    """The subprotocols that the WebSocket accepts."""
     max_request: ClassVar[int]
-    """Largest message from a client [byte]."""
+    """Largest message from a client [byte]; larger ones end the connection."""
 
     def __init__(self, port: int, page: str, origins: tuple[str, ...] = ()) -> None:
         try:
@@ -105,16 +105,16 @@ class PageServer(ABC):
         )
 
     def _await(self, what: Awaitable[Any]) -> Any:
-        """The result of ``what``; an interruption waits for it."""
+        """Return the result of ``what``; an interruption waits for it."""
         with deferred():
             return self._loop.run_until_complete(what)
 
     def serve(self, patience: float = _PERIOD) -> None:
-        """Send what waits and take what arrives, for ``patience`` [s]."""
+        """Send waiting messages and handle arriving ones, for ``patience`` [s] of wall time."""
         self._await(asyncio.sleep(patience))
 
     def stay(self) -> None:
-        """Serve until Ctrl-C."""
+        """Serve until Ctrl-C, and return then."""
         with suppress(KeyboardInterrupt), interruptible():
             while True:
                 self._hold()
@@ -124,7 +124,7 @@ class PageServer(ABC):
         self.serve()
 
     def close(self) -> None:
-        """End the server; what its viewers still do is cancelled."""
+        """Close the server and its connections; tasks of viewers are cancelled after 1 s."""
         self._await(self._close())
         self._loop.close()
 
@@ -138,7 +138,7 @@ class PageServer(ABC):
         await asyncio.gather(*left, return_exceptions=True)
 
     def _answer(self, client: ServerConnection, request: Request) -> Response | None:
-        """The page, or a refusal; None for a viewer."""
+        """Return the page, or a refusal; None for a request of a WebSocket."""
         if refusal := self._refusal(request):
             return client.respond(403, f"navfw: {refusal}\n")
         if "Upgrade" in request.headers:
@@ -148,7 +148,7 @@ class PageServer(ABC):
         return Response(200, "OK", headers, page)
 
     def _refusal(self, request: Request) -> str:
-        """Why a request is refused; "" if it is not."""
+        """Return why a request is refused; "" if it is answered."""
         hosts, origins = (request.headers.get_all(name) for name in ("Host", "Origin"))
         if len(hosts) != 1 or hosts[0] not in self._hosts:
             return "this machine has another name"

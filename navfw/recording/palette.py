@@ -1,4 +1,4 @@
-"""The colours of all pictures, reports and videos of runs and maps.
+"""Define the colours of all pictures, reports and videos of runs and maps.
 
 >>> behavior_color("avoid"), behavior_color("go_to_xy")
 ('#E69F00', '#0072B2')
@@ -16,9 +16,9 @@ WALL, FURNITURE, EDGE, FLOOR = "#4A4A4A", "#D9D2C5", "#8C8577", "#FBFAF7"
 START, GOAL, CONTACT, ESTIMATE = "#2E7D32", "#B0004E", "#D00000", "#303030"
 LOCAL_GOAL = "#F0027F"
 MOVING = "#00838F"
-"""Moving obstacles, and where they went."""
+"""Moving obstacles and their paths."""
 FREE, OCCUPIED = "#9BD3A5", "#4A2377"
-"""Cells of the local map."""
+"""Free and occupied cells of the local map."""
 FLOW = "#FFBF1A"
 CELLS = {
     Label.FLOOR: "#33A64D",
@@ -27,7 +27,7 @@ CELLS = {
     Label.ABOVE: "#3373CC",
     Label.UNKNOWN: "#999999",
 }
-"""What a flow cell shows."""
+"""Flow cells, by their label."""
 
 # Okabe and Ito's colours first, distinct for colour-blind readers
 _SHIPPED = {
@@ -56,7 +56,7 @@ _SATURATION = 0.55
 
 
 def behavior_color(name: str) -> str:
-    """The colour of a behaviour, by its name alone; "none" and "" mean that none leads."""
+    """Return the colour ``#RRGGBB`` of a behaviour; "none" and "" mean that none leads."""
     if name in _SHIPPED:
         return _SHIPPED[name]
     level, hue = divmod(zlib.crc32(name.encode()), 360)
@@ -66,14 +66,14 @@ def behavior_color(name: str) -> str:
 
 
 def camera_key() -> list[tuple[str, str]]:
-    """What is drawn over images of the camera: names and colours."""
+    """Return names and colours of the marks drawn over the camera's images."""
     names = {Label.ABOVE: "above the robot"}
     cells = [(names.get(label, label.name.lower()), color) for label, color in CELLS.items()]
     return [("flow, turning removed", FLOW), *cells]
 
 
 def rgb(color: str) -> tuple[int, int, int]:
-    """Red, green and blue (0 to 255) of a colour ``#RRGGBB``.
+    """Convert a colour ``#RRGGBB`` to red, green and blue (0 to 255).
 
     >>> rgb(WALL)
     (74, 74, 74)
@@ -83,6 +83,6 @@ def rgb(color: str) -> tuple[int, int, int]:
 
 
 def bgr(color: str) -> tuple[int, int, int]:
-    """Blue, green and red (0 to 255) of a colour ``#RRGGBB``, as OpenCV takes them."""
+    """Convert a colour ``#RRGGBB`` to blue, green and red (0 to 255), OpenCV's order."""
     red, green, blue = rgb(color)
     return blue, green, red

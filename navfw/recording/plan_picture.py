@@ -1,4 +1,4 @@
-"""Plans drawn with matplotlib: shapes, arrows, legend, labels clear of the path; pictures of maps.
+"""Draw plans with matplotlib: shapes, arrows, legend, labels beside the path; pictures of maps.
 
 The picture of a map has places and passages over the floor plan of the world, optionally a route.
 """
@@ -43,25 +43,26 @@ _ARROW_HEAD = np.array([[1.0, 0.0], [-0.8, 0.6], [-0.5, 0.0], [-0.8, -0.6]])
 _LEGEND_WIDTH = 1.25
 """Mean width of an entry of the legend [inch]."""
 _GAPS = (4.0, 9.0, 16.0)
-"""Distances of a label from its point [pt]; the nearest free place is taken."""
+"""Distances of a label from its point [pt]; the nearest that is free is taken."""
 _SIDES = ((1, 1), (1, -1), (-1, 1), (-1, -1), (1, 0), (-1, 0), (0, 1), (0, -1))
-"""Where a label lies from its point, to the right (1) and above (1); the best first."""
+"""Sides of its point on which a label may stand, to the right (1), above (1); the best first."""
 _PATH_MARGIN = 3.0
 """Half the width of a drawn path, and the space beside it [pt]."""
 _MARK = 3.5
 """Half the width of a mark [pt]."""
 _OBSERVED_OPACITY = 110
-"""Opacity, of 255, of ground that was observed: the true plan below it shows."""
+"""Opacity (0 to 255) of observed ground, below which the true plan stays visible."""
 _STEP = 3.0
-"""Distance of the points by which the path is known [pixel]."""
+"""Distance of the points to which a path is resampled [pixel]."""
 
 
 def plan_axes(
     size: Point, frame: tuple[float, ...], low: Array, high: Array
 ) -> tuple[Figure, Axes]:
-    """A figure of ``size`` [inch] with axes at ``frame`` in it, from ``low`` to ``high`` (2,) [m].
+    """Make a figure of ``size`` [inch] with axes at ``frame``, from ``low`` to ``high`` (2,) [m].
 
-    The axes have a floor-coloured background, small grey tick labels, and no border.
+    ``frame`` is left, bottom, width, height as shares of the figure. The axes have a floor-coloured
+    background, small grey tick labels, and no border.
     """
     # the object interface with the Agg canvas needs no window system and leaves pyplot's global
     # state to the calling program
@@ -83,7 +84,7 @@ def plan_axes(
 
 
 def draw_grown_grid(axes: Axes, grid: GrownGrid, zorder: float) -> None:
-    """Draw what was observed free and occupied, each in its colour, and nothing elsewhere."""
+    """Draw free and occupied cells in their colours, and unknown ones transparent."""
     rows, columns = grid.log_odds.shape
     picture = np.zeros((rows, columns, 4), np.uint8)
     for mask, color in ((grid.free, FREE), (grid.occupied, OCCUPIED)):
@@ -97,7 +98,7 @@ def draw_grown_grid(axes: Axes, grid: GrownGrid, zorder: float) -> None:
 
 
 def draw_shapes(axes: Axes, shapes: Iterable[Shape], zorder: float) -> None:
-    """Draw ``shapes`` over what has a lower ``zorder``, each over the one before."""
+    """Draw ``shapes`` above everything of a lower ``zorder``, each over the one before."""
     from matplotlib.patches import Circle, Polygon
 
     for number, shape in enumerate(shapes):
@@ -121,14 +122,14 @@ def draw_shapes(axes: Axes, shapes: Iterable[Shape], zorder: float) -> None:
 
 
 def draw_arrow(axes: Axes, point: Point, yaw: float, color: str, zorder: float) -> None:
-    """Draw an arrow head at ``point`` that points along ``yaw`` [rad]."""
+    """Draw an arrow head at ``point`` [m] that points along ``yaw`` [rad, map frame]."""
     c, s = math.cos(yaw), math.sin(yaw)
     head = _ARROW_HEAD @ np.array([[c, s], [-s, c]])
     axes.plot(*point, marker=head, ms=9, mfc=color, mec="white", mew=0.8, ls="", zorder=zorder)
 
 
 def write_legend(figure: Figure, axes: Axes) -> None:
-    """Write the legend below, each label once, in as many rows as it needs."""
+    """Write the legend below the axes, each label once, in as many rows as it needs."""
     entries = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
     in_a_row = max(1, int(figure.get_figwidth() / _LEGEND_WIDTH))
     figure.legend(
@@ -143,7 +144,7 @@ def write_legend(figure: Figure, axes: Axes) -> None:
 
 
 class PathLabels:
-    """Writes labels into ``axes``, whose limits are set, clear of a ``path`` (n, 2) [m].
+    """Writes labels into ``axes``, whose limits are set, so that none covers ``path`` (n, 2) [m].
 
     Labels written first take their place first; they may stand beside narrow axes.
     """
@@ -163,7 +164,7 @@ class PathLabels:
         self._taken: list[Bbox] = []
 
     def keep_clear(self, point: Point) -> None:
-        """Let no label cover the mark at ``point`` [m]."""
+        """Keep later labels off the mark at ``point`` [m]."""
         from matplotlib.transforms import Bbox
 
         at = np.asarray(self._axes.transData.transform(point))
@@ -171,7 +172,7 @@ class PathLabels:
         self._taken.append(Bbox([at - half, at + half]))
 
     def write(self, text: str, point: Point, color: str) -> bool:
-        """Write ``text`` beside ``point`` [m]; False, and nothing, where there is no room."""
+        """Write ``text`` beside ``point`` [m]; return False, and write nothing, without room."""
         from matplotlib.patheffects import withStroke
         from matplotlib.transforms import Bbox
 
@@ -247,10 +248,10 @@ def draw_map(
     avoid: Sequence[Sequence[str]] = (),
     changes: Sequence[MapChange] = (),
 ) -> None:
-    """Write the picture as PNG; passages are drawn to scale, up to a width of 2 m.
+    """Write the picture of a map to ``path`` as PNG; passages are to scale, up to a width of 2 m.
 
-    With a ``route`` its places alone are named. ``avoid`` has the two ends of each passage that is
-    crossed out. With ``changes`` these alone are named.
+    With a ``route`` only its places are named. ``avoid`` has the two ends of each passage that is
+    crossed out. With ``changes`` only these are named.
     """
     points = np.array([(place.x, place.y) for place in topo_map.places.values()])
     world = WorldOutline() if outline is None else outline

@@ -1,4 +1,4 @@
-"""What a result was measured with: revision and fingerprint of the code, kind of machine."""
+"""Identify the code and the machine that a result was measured with."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ DIRTY = "-dirty"
 """Suffix of a revision whose tracked files have uncommitted changes."""
 
 _GIT_TIMEOUT = 5.0
-"""Largest time [s] that git may take."""
+"""Longest time [s] that git may take."""
 
 
 def code_revision() -> str:
-    """The git revision of the project around the working folder, else of navfw's own source.
+    """Return the git revision of the project around the working folder, else of navfw's source.
 
-    Without git, navfw's version, as in ``navfw 0.1.0``.
+    If git does not know either, navfw's version, as in ``navfw 0.1.0``.
     """
     source = Path(__file__).parents[1] / "__init__.py"
     project = project_folder()
@@ -49,7 +49,7 @@ def code_revision() -> str:
 
 
 def git_revision(folder: Path) -> str | None:
-    """The commit checked out around ``folder``; None without git or a commit.
+    """Return the hash of the commit checked out around ``folder``; None without git or a commit.
 
     ``-dirty`` is appended when tracked files have uncommitted changes, except those in ``docs`` and
     ``benchmarks/results*``: no run reads them, and results are written there between runs.
@@ -64,7 +64,7 @@ def git_revision(folder: Path) -> str | None:
 
 
 def machine_kind() -> dict[str, Any]:
-    """Processor model, usable cores, Python version and operating system; no host name."""
+    """Return processor model, usable cores, Python version and operating system; no host name."""
     about = Path("/proc/cpuinfo")
     lines = about.read_text(encoding="utf-8").splitlines() if about.is_file() else []
     models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
@@ -77,19 +77,19 @@ def machine_kind() -> dict[str, Any]:
 
 
 def library_versions() -> dict[str, str]:
-    """Versions of Python and of the libraries that a result depends on, and the processor."""
+    """Return the versions of Python and of libraries that results depend on, and the processor."""
     versions = {name: metadata.version(name) for name in _LIBRARIES}
     python = {"python": platform.python_version(), "machine": platform.machine()}
     return {**python, **versions, "pybullet": pybullet_version()}
 
 
 def fingerprint(value: Any) -> str:
-    """The SHA-256 (hex) of plain data."""
+    """Return the SHA-256 (hex) of JSON data, which does not depend on the order of keys."""
     return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
 
 
 def files_fingerprint(files: Iterable[tuple[str, Path]]) -> str:
-    """The fingerprint of files by name.
+    """Return one fingerprint (hex) of the names and contents of files.
 
     Raises:
         ConfigError: one of them cannot be read.
@@ -99,7 +99,7 @@ def files_fingerprint(files: Iterable[tuple[str, Path]]) -> str:
 
 
 def files_in(folder: Path) -> Iterator[tuple[Path, Path]]:
-    """Each file below ``folder`` and its path inside of it, sorted, but for caches of Python."""
+    """Yield each file below ``folder`` and its relative path, sorted, without Python's caches."""
     for file in sorted(folder.rglob("*")):
         inside = file.relative_to(folder)
         if "__pycache__" not in inside.parts and file.is_file():
@@ -107,7 +107,7 @@ def files_in(folder: Path) -> Iterator[tuple[Path, Path]]:
 
 
 def files_of(places: Mapping[str, Path]) -> Iterator[tuple[str, Path]]:
-    """The name and the path of each file in ``places``, files and folders by their names."""
+    """Yield name and path of each file in ``places``, which are files or folders by their names."""
     for name, place in places.items():
         if place.is_file():
             yield name, place
@@ -116,19 +116,19 @@ def files_of(places: Mapping[str, Path]) -> Iterator[tuple[str, Path]]:
 
 
 def navfw_files() -> dict[str, Path]:
-    """The folders of navfw's own code and files that results depend on, by name."""
+    """Return the folders, by name, of navfw's code and shipped files that results depend on."""
     shipped = {name: shipped_folder() / name for name in _SHIPPED}
     return {"navfw": real_path(__file__).parents[1], **shipped}
 
 
 @cache
 def code_fingerprint() -> str:
-    """The fingerprint of ``navfw_files``."""
+    """Return the fingerprint (hex) of all ``navfw_files``, computed once per process."""
     return files_fingerprint(files_of(navfw_files()))
 
 
 def _git(folder: Path, *words: str) -> str | None:
-    """What git prints about the repository around ``folder``; None without git, or if it fails.
+    """Return git's output about the repository around ``folder``; None without git, or if it fails.
 
     No hook and no file system monitor of the repository is executed, and its index stays unchanged.
     """

@@ -1,4 +1,4 @@
-"""Recorded decisions, made again: behaviours and fusion run on the contexts of a run.
+"""Make recorded decisions again: run behaviours and fusion on the contexts of a run.
 
 No image is read. Behaviours keep a state of their own from one decision to the next, so that the
 contexts before a decision are run as well.
@@ -36,21 +36,22 @@ from navfw.recording.run_folder import recording_in
 from navfw.stack.stackfile import load_stack, mofis_of
 
 _MEMORIES = 3.0, 30.0, 1e6
-"""Times [s] for which behaviours are taken to remember, tried until the command is the same."""
+"""Times [s] that behaviours may remember, tried until the command is the recorded one."""
 _KEPT = 50
 """Number of decisions between two states of the behaviours that are kept."""
 
 _EQUAL = 1e-5
-"""Difference [m/s, rad/s] below which two commands are one."""
+"""Difference [m/s, rad/s] below which two commands are considered the same."""
 _LISTED = 6
 """Largest number of differences that are listed."""
 
 
 class RecordedDecisions:
-    """The decisions of a recorded run at ``times`` (n,) [s], each of which can be made again.
+    """The decisions of a recorded run, at ``times`` (n,) [s], any of which can be made again.
 
-    ``commands`` (n, 2) are v [m/s] and w [rad/s]. There may be only those from ``begin`` to ``end``
-    [s]: the behaviours then remember nothing from before. A recording by an older navfw has none.
+    ``commands`` (n, 2) are v [m/s] and w [rad/s]. ``begin`` and ``end`` [s] limit the decisions
+    that are read: behaviours then remember nothing from before. A recording by an older navfw has
+    none.
 
     Raises:
         InputError: the folder is not that of a run with ``--record``, or is damaged.
@@ -89,7 +90,7 @@ class RecordedDecisions:
         return DecisionMoment(self.mofis, self.contexts[index], *_copies(self.mofis))
 
     def replaced(self, rules: BehaviorRules) -> Iterator[tuple[float, float]]:
-        """Give v [m/s] and w [rad/s] of each decision with ``rules`` for those of their name.
+        """Yield each decision's v [m/s], w [rad/s] with ``rules`` in place of those of their name.
 
         Raises:
             InputError: no rule base of the stack has that name, or it has other inputs or outputs.
@@ -103,19 +104,19 @@ class RecordedDecisions:
             yield (0.0, 0.0) if command is None else (command.twist.v, command.twist.w)
 
     def _begin_at(self, mofis: Mofis, kept: int) -> None:
-        """Give ``mofis`` its plugins as they were before the decision number ``kept``."""
+        """Give ``mofis`` its plugins as they were before the decision of index ``kept``."""
         mofis.behaviors, mofis.composite = self._states[kept]
         mofis.behaviors, mofis.composite = _copies(mofis)
 
 
 def _copies(mofis: Mofis) -> tuple[dict[str, Behavior], Composite | None]:
-    """Copies of the behaviours and the composite, with the state that they have now."""
+    """Return copies of the behaviours and the composite, with their present state."""
     behaviors = {name: copy_of(behavior) for name, behavior in mofis.behaviors.items()}
     return behaviors, None if mofis.composite is None else copy_of(mofis.composite)
 
 
 def _messages(file: Path, begin: float, end: float) -> Iterator[bytes]:
-    """The decisions from ``begin`` to ``end`` [s], found by the index; none in a file without."""
+    """Yield the decisions from ``begin`` to ``end`` [s], found by the index; none without one."""
     with extra_imports("record"):
         from mcap.exceptions import McapError
         from mcap.reader import SeekingReader
@@ -130,9 +131,9 @@ def _messages(file: Path, begin: float, end: float) -> Iterator[bytes]:
 
 
 def moment_at(folder: Path, time: float) -> DecisionMoment:
-    """Return the decision of a recorded run that was in force at ``time`` [s].
+    """Return the decision of a recorded run that was in force at ``time`` [s], to be made again.
 
-    It is made on its recorded context; only if behaviours need more than that has, or the recording
+    It is made on its recorded context; only if behaviours read more than that has, or the recording
     is older, by repeating the run up to there.
 
     Raises:
@@ -158,7 +159,7 @@ def moment_at(folder: Path, time: float) -> DecisionMoment:
 
 
 def _otherwise(folder: Path, recorded: Mapping[str, Any], moment: DecisionMoment) -> InputError:
-    """Make the error that a decision is another one now than the ``recorded`` one."""
+    """Return the error that a decision now differs from the ``recorded`` one."""
     from navfw.recording.recorded_run import RecordedRun
 
     command, proposals = moment.decide()

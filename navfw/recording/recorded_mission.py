@@ -1,4 +1,4 @@
-"""The mission of a recorded run, as its result has it."""
+"""Read the mission of a recorded run from its result."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from navfw.robot import RobotModel
 
 
 class _Recorded(BaseModel):
-    """A part of a result that a replay uses; other keys are not looked at."""
+    """A part of a result that a replay uses; other keys are ignored."""
 
     model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
 
@@ -24,7 +24,7 @@ class _RecordedGoal(_Recorded):
 
 
 class RecordedMission(_Recorded):
-    """The mission in a result, as far as it is used."""
+    """The mission in a run's result, with only the keys that a replay uses."""
 
     start: tuple[float, float, float]
     start_known: bool = True
@@ -35,7 +35,7 @@ class RecordedMission(_Recorded):
 
 
 def recorded_mission(folder: Path) -> RecordedMission:
-    """Return the mission of a recorded run.
+    """Read the mission of the run in ``folder`` from its result.
 
     Raises:
         InputError: the folder is not that of a run, or is damaged.

@@ -1,4 +1,4 @@
-"""The rule bases of a run, as it records them: their text, and the curves of their inputs."""
+"""Record the rule bases of a run: their text, and the curves of their inputs."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ _EDGE = 1e-9
 
 
 def rule_bases(mofis: Mofis) -> dict[str, Any]:
-    """Return the rule bases of all behaviours and the composite that have one, by their names.
+    """Return all rule bases of the behaviours and the composite, by the names of these plugins.
 
-    Of each its ``text``, empty if it is not in a file, and ``inputs``: name, unit, range, and the
+    Each has ``text``, empty if it is not from a file, and ``inputs``: name, unit, range, and the
     points (x, degree) of each term.
     """
     return {
@@ -36,7 +36,7 @@ def rule_bases(mofis: Mofis) -> dict[str, Any]:
 
 
 def recorded_rule_bases(run: RecordedRun) -> Mapping[str, Any]:
-    """Return what ``rule_bases`` gave when ``run`` was recorded; empty if it is an older one.
+    """Return the ``rule_bases`` recorded with ``run``; {} if it was recorded by an older navfw.
 
     Raises:
         ConfigError: the recording is damaged.
@@ -46,7 +46,7 @@ def recorded_rule_bases(run: RecordedRun) -> Mapping[str, Any]:
 
 
 def rule_differences(recorded: Mapping[str, Any], mofis: Mofis) -> list[str]:
-    """Return the lines (with - and +) in which rules are others now than those recorded."""
+    """List the lines (with - and +) in which the rules differ now from those recorded."""
     lines = []
     for name, rules in _ruled(mofis).items():
         before = recorded.get(name, {}).get("text", "").splitlines()
@@ -77,7 +77,7 @@ def _text_of(rules: BehaviorRules) -> str:
 
 
 def _curves(variable: Variable) -> dict[str, Any]:
-    """The terms of ``variable`` as points between which they are straight, or nearly so."""
+    """Return the terms of ``variable`` as points between which they are straight, or nearly so."""
     low, high = variable.low, variable.high
     terms = {}
     for name, shape in variable.terms.items():

@@ -1,4 +1,4 @@
-"""Reading a recording: the messages of its channels with their simulated times, and its images.
+"""Read a recording: the messages of its channels with their simulated times, and its images.
 
 >>> run = open_run("runs/office-lobby-to-lab-0")                         # doctest: +SKIP
 >>> for message in run.messages("/command"):                             # doctest: +SKIP
@@ -51,8 +51,8 @@ _MAGIC = b"\x89MCAP0\r\n"
 class RecordedMessage:
     """A message of channel ``topic`` at simulated ``time`` [s].
 
-    ``content`` is a dict for JSON, and otherwise a message with the fields of its schema, of
-    Foxglove or of ROS 2 (``message.content.data``).
+    ``content`` is a dict for JSON, otherwise an object with the fields of its schema, of Foxglove
+    or of ROS 2 (``message.content.data``).
     """
 
     topic: str
@@ -61,12 +61,12 @@ class RecordedMessage:
 
 
 class RecordedRun:
-    """The recording in an MCAP file that ``navfw run --record`` wrote.
+    """Reads the recording in an MCAP file that ``navfw run --record`` wrote.
 
     ``metadata`` describes the run (``config``: the resolved configuration as JSON), ``topics`` has
-    the schema of each channel in the file by its topic. ``complete`` is false if the recording ends
+    the schema of each channel in the file by its topic. ``complete`` is False if the recording ends
     before its run: the recorder reached its limit, or the file is cut off. Then the messages are
-    those of the intact part. ``chase`` draws the robot for people.
+    those of the intact part. ``chase`` draws views of the robot from behind, if it is set.
 
     Raises:
         ConfigError: the file cannot be read, is too large, or damaged; it is not a recording, or
@@ -89,7 +89,7 @@ class RecordedRun:
         }
 
     def messages(self, *wanted: str) -> Iterator[RecordedMessage]:
-        """The decoded messages of ``wanted`` topics (none given: of all), in the order of the file.
+        """Yield the decoded messages of ``wanted`` topics (none given: of all) in the file's order.
 
         Raises:
             ConfigError: a message is damaged.
@@ -106,7 +106,7 @@ class RecordedRun:
             yield RecordedMessage(topic, 1e-9 * log_time, content)
 
     def packed(self, *wanted: str) -> Iterator[tuple[str, int, bytes]]:
-        """Topic, time [ns] and bytes of the messages of ``wanted`` topics, in the file's order.
+        """Yield topic, time [ns] and raw bytes of messages of ``wanted`` topics, in file order.
 
         Raises:
             ConfigError: the file is damaged.
@@ -118,7 +118,7 @@ class RecordedRun:
                 yield of[record.channel_id], record.log_time, record.data
 
     def image_at(self, time: float, topic: str = topics.CAMERA_IMAGE) -> Image | None:
-        """The newest image of ``topic`` at ``time`` [s] (height, width); None before the first.
+        """Return the newest image (height, width) of ``topic`` at ``time`` [s]; None before any.
 
         Raises:
             ConfigError: the image is damaged.
@@ -132,7 +132,7 @@ class RecordedRun:
         return None if newest is None else image_of(newest, self.path)
 
     def _records(self) -> Iterator[McapRecord]:
-        """The records up to the end of the data, those in chunks unpacked, in the file's order."""
+        """Yield the records up to the end of the data, those in chunks unpacked, in file order."""
         with open_input(self.path, topics.MAX_BYTES) as stream:
             if stream.read(len(_MAGIC)) != _MAGIC:
                 raise self.refused("expected an MCAP file, as navfw run --record writes it")
@@ -150,7 +150,7 @@ class RecordedRun:
                 raise self.refused(f"the file is damaged ({reason})") from None
 
     def refused(self, what: str) -> ConfigError:
-        """The error that the file is no recording."""
+        """Return the error, for the caller to raise, that the file is not a recording."""
         return ConfigError(f"not a recording: {what}", file=self.path)
 
     def _scan(self) -> None:
@@ -197,7 +197,7 @@ _OF_DAMAGE = ArithmeticError, AttributeError, LookupError, TypeError, ValueError
 
 @contextmanager
 def located_damage(file: Path, what: str) -> Iterator[None]:
-    """Name ``file`` where fields of ``what`` are missing, or have impossible values."""
+    """Raise a ConfigError that names ``file`` if fields of ``what`` are missing or impossible."""
     try:
         yield
     except _OF_DAMAGE as error:
@@ -206,7 +206,7 @@ def located_damage(file: Path, what: str) -> Iterator[None]:
 
 
 def image_of(message: RecordedMessage, path: Path) -> Image:
-    """The image in a message of ``CompressedImage``: (height, width) uint8, luminance.
+    """Decode the image in a message of ``CompressedImage``: (height, width) uint8, luminance.
 
     Raises:
         ConfigError: the image is damaged or too large; the message has ``path`` and time.
@@ -218,7 +218,7 @@ def image_of(message: RecordedMessage, path: Path) -> Image:
 
 
 def open_run(folder: str | Path, chase: topics.Chase | None = None) -> RecordedRun:
-    """The recording of a run folder, with what draws the robot in its world, if known.
+    """Open the recording in a run folder; ``chase`` draws the robot in its world, if known.
 
     Raises:
         ConfigError: there is none, or as ``RecordedRun``.
@@ -230,11 +230,11 @@ def open_run(folder: str | Path, chase: topics.Chase | None = None) -> RecordedR
 
 
 _FILES = re.compile(r"metadata\.yaml|.*\.(mcap|db3)")
-"""What a bag's folder holds."""
+"""Names of the files in a bag's folder."""
 
 
 def export_bag(folder: Path, target: Path) -> dict[str, int]:
-    """Write the recording in a run ``folder`` as the bag ``target``, a folder; atomically.
+    """Write the recording in a run ``folder`` as a bag of ROS 2, the folder ``target``, atomically.
 
     Returns the number of messages by topic. Times are simulated, images are ``CompressedImage``.
 
@@ -272,5 +272,5 @@ def export_bag(folder: Path, target: Path) -> dict[str, int]:
 
 
 def _name(topic: str) -> str:
-    """The name of ``topic`` in a bag: images as ``image_transport`` calls packed ones."""
+    """Return the name of ``topic`` in a bag: of images as ``image_transport`` names packed ones."""
     return f"{topic}/compressed" if topic in topics.IMAGES else topic

@@ -1,4 +1,4 @@
-"""Messages of ROS 2, as CDR, of what a robot measures and is commanded; for recordings and bags.
+"""Encode readings, commands and poses as ROS 2 messages in CDR, for recordings and bags.
 
 They are of the types of ROS 2 Jazzy that the library rosbags ships. Frames are those of REP 103 and
 105, and ``camera`` (z ahead, x right, y down).
@@ -32,16 +32,16 @@ with extra_imports("bags"):
     from rosbags.typesys.store import Typestore
 
 _WHEELS = ("left_wheel_joint", "right_wheel_joint")
-"""Names of the joints of wheels that no URDF names."""
+"""Names of the wheels' joints if the robot has no URDF."""
 _Link = tuple[str, str, Mapping[str, float], Mapping[str, float]]
 """Parent, child, translation [m] and rotation of a transform."""
 _ABSENT = np.array([-1.0, *[0.0] * 8])
-"""Covariance of what an ``Imu`` does not measure."""
+"""Covariance of the quantities that an ``Imu`` does not measure."""
 
 
 @cache
 def message_types(*, ros1: bool = False) -> Typestore:
-    """The message types of ROS 2 Jazzy and navfw's own, or of ROS 1 Noetic."""
+    """Return the message types of ROS 2 Jazzy and navfw's own, or those of ROS 1 Noetic."""
     if ros1:
         return get_typestore(Stores.ROS1_NOETIC)
     store = get_typestore(Stores.ROS2_JAZZY)
@@ -52,14 +52,14 @@ def message_types(*, ros1: bool = False) -> Typestore:
 
 @cache
 def schema_text(kind: str) -> str:
-    """The definition of a message of ``kind``, with those of its parts."""
+    """Return the definition of messages of ``kind``, with those of the types it contains."""
     return message_types().generate_msgdef(kind, ros_version=2)[0]
 
 
 def ros_message(kind: str, fields: Mapping[str, Any], now: int | None = None) -> bytes:
-    """The CDR of a message of ``kind``: ``fields`` by name, nested alike, all others zero or empty.
+    """Encode a message of ``kind`` in CDR; fields missing in ``fields`` are zero or empty.
 
-    ``now`` [ns] is the time of its header.
+    ``fields`` of parts are nested; ``now`` [ns] is the time of its header.
     """
     if now is not None:
         fields = {**fields, "header": {**fields.get("header", {}), "stamp": time_fields(now)}}
@@ -67,7 +67,7 @@ def ros_message(kind: str, fields: Mapping[str, Any], now: int | None = None) ->
 
 
 def _made(kind: str, fields: Mapping[str, Any]) -> Any:
-    """A message of ``kind`` to serialize; what ``fields`` leave out, messages have in common."""
+    """Make a message of ``kind`` to serialize; missing ``fields`` are shared between messages."""
     values, kinds = _zeros(kind)
     values = dict(values)
     for name, value in fields.items():
@@ -82,7 +82,7 @@ def _made(kind: str, fields: Mapping[str, Any]) -> Any:
 
 @cache
 def _zeros(kind: str) -> tuple[dict[str, Any], dict[str, str]]:
-    """The fields of ``kind``, zero or empty, and the kinds of those that hold messages."""
+    """Return the fields of ``kind``, zero or empty, and the kinds of those that hold messages."""
     values: dict[str, Any] = {}
     kinds: dict[str, str] = {}
     for name, (node, of) in message_types().fielddefs[kind][1]:
@@ -100,7 +100,7 @@ def _zeros(kind: str) -> tuple[dict[str, Any], dict[str, str]]:
 
 
 def reading_message(reading: SensorReading, twist: Twist) -> bytes:
-    """The message by ``SCHEMA`` of a reading, and of the stack's command for it."""
+    """Encode a reading, and the stack's command for it, as ``SCHEMA`` defines."""
     inertial, encoders = reading.inertial, reading.encoders
     frame, landmarks = reading.frame, reading.landmark_frame
     pictures = 0 if landmarks is None else ImageFlags.LANDMARKS
@@ -125,7 +125,7 @@ def reading_message(reading: SensorReading, twist: Twist) -> bytes:
 
 
 def imu_message(robot: RobotModel, reading: SensorReading, now: int) -> bytes:
-    """``Imu`` of the gyro; it measures neither orientation nor acceleration."""
+    """Encode the gyro's rates as ``Imu`` in ``base_link``, without orientation and acceleration."""
     gyro, sigma = reading.inertial, robot.odometry.gyro_noise
     rates = {"x": gyro.roll_rate, "y": gyro.pitch_rate, "z": gyro.yaw_rate}
     absent = {"orientation_covariance": _ABSENT, "linear_acceleration_covariance": _ABSENT}
@@ -135,14 +135,14 @@ def imu_message(robot: RobotModel, reading: SensorReading, now: int) -> bytes:
 
 
 def wheel_joints(robot: RobotModel) -> tuple[Sequence[str], Sequence[str]]:
-    """Names of the joints of the left and of the right wheels."""
+    """Return the names of the joints of the left wheels, and of the right wheels."""
     if robot.urdf is None:
         return _WHEELS[:1], _WHEELS[1:]
     return robot.urdf.left, robot.urdf.right
 
 
 def joints_message(robot: RobotModel, reading: SensorReading, now: int, frame: str = "") -> bytes:
-    """``JointState`` of the wheels [rad]; of a URDF's first wheel on each side."""
+    """Encode the wheels' angles [rad] as ``JointState``, for a URDF's first wheel on each side."""
     names = [side[0] for side in wheel_joints(robot)]
     ticks = np.array([reading.encoders.left, reading.encoders.right], dtype=np.float64)
     angles = 2.0 * math.pi / robot.ticks_per_turn * ticks
@@ -151,7 +151,7 @@ def joints_message(robot: RobotModel, reading: SensorReading, now: int, frame: s
 
 
 def image_message(image: Image, now: int, frame: str = "camera") -> bytes:
-    """``Image`` of grey pixels (height, width)."""
+    """Encode grey pixels (height, width) uint8 as ``Image``."""
     height, width = image.shape
     about = {"height": height, "width": width, "step": width, "encoding": "mono8"}
     fields = {"header": {"frame_id": frame}, **about, "data": image.ravel()}
@@ -159,13 +159,13 @@ def image_message(image: Image, now: int, frame: str = "camera") -> bytes:
 
 
 def command_message(twist: Twist, now: int) -> bytes:
-    """``TwistStamped`` of a command."""
+    """Encode a command as ``TwistStamped`` in ``base_link``."""
     fields = {"header": {"frame_id": "base_link"}, "twist": twist_fields(twist)}
     return ros_message("geometry_msgs/msg/TwistStamped", fields, now)
 
 
 def odometry_message(odometry: Odometry, now: int, covariance: Array | None = None) -> bytes:
-    """``Odometry`` of ``base_link`` in ``odom``; ``covariance`` (3, 3) of x, y, yaw, if known."""
+    """Encode ``base_link`` in ``odom`` as ``Odometry``; ``covariance`` (3, 3) is of x, y, yaw."""
     pose = odometry.pose
     at = pose_fields(pose.x, pose.y, pose.yaw)
     placed = {"pose": at, **({} if covariance is None else {"covariance": in_space(covariance)})}
@@ -194,7 +194,7 @@ def camera_message(camera: CameraModel, size: tuple[int, int], now: int) -> byte
 def transforms_message(
     odometry: Pose, now: int, belief: Belief | None = None, camera: CameraModel | None = None
 ) -> bytes:
-    """``TFMessage``: with a belief ``map`` to ``odom``; with a camera to ``base_link`` and it."""
+    """Encode ``TFMessage``: with a belief ``map`` to ``odom``, with a camera ``odom`` to camera."""
     links: list[_Link] = [] if camera is None else _to_camera(odometry, camera)
     if belief is not None:
         # the pose of odom in map: base_link in map, and from there back to odom
@@ -223,24 +223,24 @@ def _to_camera(odometry: Pose, camera: CameraModel) -> list[_Link]:
 
 
 def time_fields(now: int) -> Mapping[str, int]:
-    """``now`` [ns] as a ``Time``."""
+    """Return the fields of a ``Time`` from ``now`` [ns]."""
     return dict(zip(("sec", "nanosec"), divmod(now, 10**9), strict=True))
 
 
 def pose_fields(x: float, y: float, yaw: float) -> Mapping[str, Any]:
-    """A ``Pose`` in the plane [m, rad]."""
+    """Return the fields of a ``Pose`` in the plane z = 0 from x, y [m] and yaw [rad]."""
     return {"position": {"x": x, "y": y}, "orientation": _about_z(yaw)}
 
 
 def in_space(covariance: Array) -> Array:
-    """The covariance (36,) of x, y, z, roll, pitch, yaw, of that (3, 3) of x, y, yaw."""
+    """Expand a covariance (3, 3) of x, y, yaw to (36,) of x, y, z, roll, pitch, yaw, with zeros."""
     wide = np.zeros((6, 6))
     wide[np.ix_([0, 1, 5], [0, 1, 5])] = covariance
     return wide.ravel()
 
 
 def twist_fields(twist: Twist) -> Mapping[str, Any]:
-    """A ``Twist``."""
+    """Return the fields of a ``Twist``."""
     return {"linear": {"x": twist.v}, "angular": {"z": twist.w}}
 
 

@@ -1,4 +1,4 @@
-"""A file of rules that a page edits: what it contains, where it is saved, and what uses it."""
+"""Read and save a file of rules that a page edits, and find the plugin that reads it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from navfw.process.atomic import atomic_file
 class ChangedFileError(InputError):
     """The file has changed since the page read it; its text is ``now``.
 
-    ``difference`` is how the page's text differs from it.
+    ``difference`` is the unified diff from it to the page's text.
     """
 
     def __init__(self, file: Path, now: str, text: str) -> None:
@@ -30,23 +30,23 @@ class ChangedFileError(InputError):
 
 @dataclass
 class RulesFile:
-    """The file at ``path``, the project's copy once there is one; ``plugin`` reads it, if one does.
+    """A file of rules at ``path``; after ``save`` the project's copy if one was made.
 
-    ``plugin`` is a Python file.
+    ``plugin`` is the Python file that reads it, None if none does.
     """
 
     path: Path
     plugin: Path | None = None
 
     def read(self) -> str:
-        """The text, with line feeds alone; raises ConfigError if it cannot be read."""
+        """Return the text with line feeds only; raises ConfigError if it cannot be read."""
         return read_input_text(self.path).replace("\r\n", "\n")
 
     def target(self) -> Path:
-        """The file that is written: this one, or a copy of it for the project.
+        """Return the path that ``save`` writes: this file, or the project's copy of it.
 
-        What a plugin reads that ships with navfw, or is in no project, is copied into the project's
-        ``behaviors``, where it is used in its place.
+        A file of a plugin that ships with navfw, or is in no project, is copied into the project's
+        ``behaviors``, where it is used in place of the original.
 
         Raises:
             InputError: there is no project, or no plugin for a copy.
@@ -63,9 +63,9 @@ class RulesFile:
         raise InputError(f"is not the user's own, and {why}", file=shown_path(self.path))
 
     def save(self, text: str, read: str) -> str:
-        """Write ``text`` into the user's project, if the file still contains what was ``read``.
+        """Write ``text`` to ``target``, if the file still contains the text ``read`` before.
 
-        Returns what was done.
+        Returns a sentence that says where it was saved.
 
         Raises:
             ChangedFileError: the file contains something else.
@@ -85,7 +85,7 @@ class RulesFile:
 
 
 def find_rules(name: str) -> RulesFile:
-    """The rules of a behaviour or composite called ``name``, or in the file of that path.
+    """Find the rules of the behaviour or composite ``name``, or in the file of that path.
 
     Raises:
         InputError: there is no such plugin or file, or the plugin has no file of rules.

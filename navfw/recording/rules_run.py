@@ -1,4 +1,4 @@
-"""The decisions of a recorded run as a page shows them, with the rules that it edits."""
+"""Give a page the decisions of a recorded run, with the rules that it edits."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from navfw.recording.what_if import PAUSE, others
 from navfw.signals import Proposal
 
 _MAX_AGE = 1.0
-"""Largest age of the camera picture of a moment [s]."""
+"""Largest age [s] of the camera image that is shown with a decision."""
 
 
 class RulesRun:
-    """The recorded run in ``folder``, whose stack has rules of the name of ``rules``.
+    """The recorded run in ``folder``, whose stack uses rules with the name of ``rules``.
 
-    ``replaced`` gives the commands of all decisions with other rules.
+    ``replaced(rules)`` yields the commands of all decisions with other rules of that name.
 
     Raises:
         InputError: the folder is not that of a run with ``--record``, is damaged, or by an older
@@ -62,9 +62,9 @@ class RulesRun:
         )
 
     def about(self) -> dict[str, Any]:
-        """What does not change with time: commands, their grid, fusion, and other rules.
+        """Return the data that time does not change: commands, their grid, fusion, other rules.
 
-        ``others`` are the lines in which the files of rules are others than those recorded.
+        ``others`` are the lines in which the files of rules differ from those recorded.
         """
         grid = self._decisions.mofis.commands
         names = [*self._decisions.mofis.behaviors]
@@ -81,9 +81,9 @@ class RulesRun:
     def moment(
         self, time: float, rules: BehaviorRules | None, shown: int
     ) -> tuple[dict[str, Any], dict[str, float]]:
-        """The decision at ``time`` [s], with ``rules`` if they are given, and their inputs.
+        """Decide again at ``time`` [s], with ``rules`` if given; return a page's data, and inputs.
 
-        Its camera picture is left out if it is that of the decision ``shown``.
+        The camera picture is left out if the page has it: if the decision has the index ``shown``.
 
         Raises:
             InputError: the run has no decision then, or other inputs or outputs than the rules.
@@ -120,20 +120,20 @@ class RulesRun:
         return decided, {one.name: value for owner, one, value in inputs if owner == self._owner}
 
     def differences(self, commands: Sequence[tuple[float, float]]) -> dict[str, Any]:
-        """The ``commands`` of all decisions, and from when to when [s] others were recorded."""
+        """Return all ``commands``, and the spans [s] in which they differ from recorded ones."""
         table, times = np.array(commands), self._times
         where = spans(self._decisions.times, others(table, self._decisions.commands), PAUSE)
         return _columns(table) | {"where": [(times[begin], times[end]) for begin, end in where]}
 
     def check_drivable(self, file: Path) -> None:
-        """Raise InputError if the stack of the run reads its rules elsewhere than in ``file``."""
+        """Raise InputError if the run's stack reads its rules from another file than ``file``."""
         read = self._plugin.rules_file()
         if real_path(file) != real_path(read):
             what = f"is not what {self._owner} reads: {shown_path(read)}; edit that file"
             raise InputError(what, file=shown_path(file))
 
     def _with(self, rules: BehaviorRules) -> DecisionMoment:
-        """The moment that was asked for last, with ``rules``."""
+        """Return the decision that was asked for last, with ``rules``."""
         moment = self._recorded[1]
         behaviors, composite = dict(moment.behaviors), moment.composite
         if self._owner in behaviors:
@@ -144,7 +144,7 @@ class RulesRun:
         return DecisionMoment(moment.mofis, moment.context, behaviors, composite)
 
     def _picture(self, time: float) -> str:
-        """The newest camera picture at ``time`` [s] as a data URL; "" without one."""
+        """Return the newest camera image at ``time`` [s] as a data URL; "" if there is none."""
         with extra_imports("record"):
             from mcap.reader import SeekingReader
 
@@ -164,6 +164,6 @@ def _columns(commands: Array) -> dict[str, Any]:
 
 
 def _packed(layers: Sequence[Array]) -> str:
-    """Degrees of the commands, layer after layer, as bytes in base64."""
+    """Encode degrees of the commands, layer after layer, as bytes (0 to 255) in base64."""
     data = np.rint(255.0 * np.array(layers)).astype(np.uint8)
     return base64.b64encode(data.tobytes()).decode("ascii")

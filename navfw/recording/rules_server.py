@@ -1,4 +1,4 @@
-"""The server of the page for rules: it reads them as the robot does, saves, drives and tests."""
+"""Serve the page that edits rules: check them as the robot does, save, drive and test them."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ with extra_imports("record"):
     from websockets.typing import Subprotocol
 
 _SETTLED = 0.25
-"""Time without another question before all commands of a run are computed [s]."""
+"""Wall time [s] without another request after which all commands of a run are computed."""
 _SLICE = 0.01
-"""Time for which they are computed before others are answered [s]."""
+"""Wall time [s] for which they are computed before other requests are answered."""
 _COMPARED = {
     "outcome": "outcome",
     "time [s]": "sim_time_s",
@@ -42,11 +42,11 @@ _COMPARED = {
     "collisions": "collisions",
     "emergencies": "emergencies",
 }
-"""What is compared of the old run and the new one, with its key in the results."""
+"""Quantities that are compared between old and new run, with their keys in results."""
 
 
 class RulesServer(PageServer):
-    """Serves ``page`` for the rules in ``file``, at the moments of ``run`` if there is one.
+    """Serves ``page`` (HTML) for the rules in ``file``, at decisions of ``run`` if there is one.
 
     Raises:
         InputError: the file cannot be read; the port is in use, or must not be used.
@@ -70,7 +70,7 @@ class RulesServer(PageServer):
 
     @property
     def unsaved(self) -> str:
-        """Why the file cannot be saved; "" if it can."""
+        """The reason why the file cannot be saved; "" if it can."""
         try:
             self._file.target()
         except InputError as error:
@@ -78,7 +78,7 @@ class RulesServer(PageServer):
         return ""
 
     async def _view(self, client: ServerConnection) -> None:
-        """Take the messages of a page; one that cannot be read ends the connection."""
+        """Take the messages of a page; close the connection at one that cannot be read."""
         try:
             name, text = shown_path(self._file.path), self._file.read()
             about = {} if self._run is None else self._run.about()
@@ -95,7 +95,7 @@ class RulesServer(PageServer):
             self._newest.pop(client, None)
 
     def _take(self, client: ServerConnection, message: Mapping[str, Any]) -> None:
-        """Take a message of a page; raises errors of many kinds for one that cannot be read."""
+        """Handle a page's message; raises errors of many kinds if it cannot be read."""
         if message["op"] == "look":
             number = self._newest[client] = int(message["number"])
             sound, answer = self._seen(message)
@@ -114,7 +114,7 @@ class RulesServer(PageServer):
             tell(client, op="done", message="another page drives or tests at present")
 
     def _seen(self, message: Mapping[str, Any]) -> tuple[BehaviorRules | None, dict[str, Any]]:
-        """The rules in the text, if nothing is wrong with them, and what the page draws of them."""
+        """Return the rules in the text, None if they have a fault, and what the page draws."""
         text = str(message["text"])
         rules, problem, lines = read_rules(text, shown_path(self._file.path))
         sound, values = None if problem else rules, dict[str, float]()
@@ -133,7 +133,7 @@ class RulesServer(PageServer):
     async def _mark(
         self, client: ServerConnection, number: int, rules: BehaviorRules, run: RulesRun
     ) -> None:
-        """Tell all commands of the run with these rules, unless there is a newer question.
+        """Send all commands of the run with these rules, unless there is a newer request.
 
         They are computed a few at a time, between answers: a thread would slow these down.
         """
@@ -152,7 +152,7 @@ class RulesServer(PageServer):
             tell(client, op="marks", number=number, note=str(error), where=[])
 
     def _save(self, text: str, read: str) -> dict[str, Any]:
-        """Save the text; the answer to the page."""
+        """Save the text; return the answer to the page."""
         problem = read_rules(text, shown_path(self._file.path)).problem
         if problem:
             return {"op": "refused", "message": f"what navfw refuses is not saved:\n{problem}"}
@@ -168,7 +168,7 @@ class RulesServer(PageServer):
     # --- other processes -------------------------------------------------------------------------
 
     async def _work(self, client: ServerConnection, kind: str) -> None:
-        """Drive or test by navfw's own command line, and tell what it prints."""
+        """Drive or test by navfw's own command line, and send its output."""
         result: dict[str, Any] = {}
         try:
             if kind == "test":
@@ -186,7 +186,7 @@ class RulesServer(PageServer):
             tell(client, op="done", **result)
 
     async def _drive(self, client: ServerConnection, old: Path) -> dict[str, Any]:
-        """Repeat the mission of a run beside it; both results, and the paths of both reports."""
+        """Repeat a run's mission beside it; return both results, and the pages of both reports."""
         beside = (old.with_name(f"{old.name}-edited-{n}") for n in itertools.count(1))
         new = next(folder for folder in beside if not folder.exists())
         code = await self._navfw(client, *drive_words(old), "--record", "--out", new)
@@ -200,7 +200,7 @@ class RulesServer(PageServer):
         return {"message": f"the new run is in {new}", "rows": rows, "reports": ["/old", "/new"]}
 
     async def _navfw(self, client: ServerConnection, *words: str | Path) -> int:
-        """Run a command of navfw, and tell each line that it prints; its exit code."""
+        """Run a command of navfw, and send each line that it prints; return its exit code."""
         tell(client, op="line", text=f"$ navfw {' '.join(map(str, words))}")
         pipe = asyncio.subprocess.PIPE
         process = await asyncio.create_subprocess_exec(
@@ -219,7 +219,7 @@ class RulesServer(PageServer):
 
 
 def drive_words(folder: Path) -> Sequence[str]:
-    """The words after ``navfw`` that drive the mission of a recorded run again.
+    """Return the words after ``navfw`` of the command that drives a recorded mission again.
 
     Raises:
         InputError: its result cannot be read, or its world is not found.

@@ -1,4 +1,4 @@
-"""What a page draws of rules: terms, strengths, outputs, a surface, uncovered regions."""
+"""Compute the drawings of rules: terms, strengths, outputs, a surface, uncovered regions."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from navfw.mofis.rules import BehaviorRules
 from navfw.numerics import Array, Mask
 
 _POINTS = 61
-"""Points of a curve beside its corners."""
+"""Number of points of a curve besides its corners."""
 _CELLS = 41
-"""Cells of the surface along each input."""
+"""Number of cells of the surface along each input."""
 _LINE = re.compile(r"(?:^|\n)[^\n]*?:(\d+): ")
-"""The line of each problem in an error."""
+"""Finds the line numbers in the text of an error."""
 _WEIGHT = re.compile(r"WITH\s+([+-]?[\d.]+(?:[eE][+-]?\d+)?)(?:\s+WEIGHT)?['\"]?$", re.I)
 
 Places = Mapping[KeyPath, tuple[int, int]]
-"""Where the scalars are written: begin and end, in units of UTF-16 as scripts count."""
+"""Begin and end of each scalar in the text, in UTF-16 units as scripts count, by key path."""
 
 
 class ReadRules(NamedTuple):
-    """Rules in a text; None where they cannot be drawn. ``problem`` is as of ``navfw check``.
+    """Rules read from a text, None if it cannot be drawn; ``problem`` as ``navfw check`` says it.
 
     ``lines`` are those that the problem names. Rules that leave regions uncovered can be drawn.
     """
@@ -41,7 +41,7 @@ class ReadRules(NamedTuple):
 
 
 def read_rules(text: str, source: str) -> ReadRules:
-    """The rules in ``text``, the content of the file ``source``, and what is wrong with them."""
+    """Read the rules in ``text``, the content of the file ``source``, and their first problem."""
     rules = None
     try:
         rules = BehaviorRules(parse_rule_base(text, source, covered=False))
@@ -55,9 +55,10 @@ def read_rules(text: str, source: str) -> ReadRules:
 def view_of(
     rules: BehaviorRules, text: str, values: Mapping[str, float], surface: Mapping[str, str]
 ) -> dict[str, Any]:
-    """What the page draws of the ``rules`` in ``text`` at ``values``, by default the middles.
+    """Return the drawing of the ``rules`` in ``text``, evaluated at the inputs' ``values``.
 
-    ``surface`` names the inputs ``x`` and ``y``, and the ``output``; by default the first ones.
+    An input without value is at the middle of its range. ``surface`` names its inputs ``x`` and
+    ``y``, and the ``output``; by default the first ones.
     """
     base = rules.base
     at = {name: 0.5 * (one.low + one.high) for name, one in base.inputs.items()}
@@ -93,7 +94,7 @@ def _units(text: str, place: int) -> int:
 def _variable(
     section: str, one: Variable, degrees: Sequence[float], places: Places
 ) -> dict[str, Any]:
-    """The curves of the terms of ``one``, their degrees, and the numbers that shape them."""
+    """Return the curves of the terms of ``one``, their degrees, and the numbers that shape them."""
     corners = [corner for shape in one.terms.values() for corner in shape.corners]
     low, high = min(one.low, *corners), max(one.high, *corners)
     terms = []
@@ -113,7 +114,7 @@ def _curve(xs: Array, ys: Array) -> dict[str, list[float]]:
 
 
 def _rule(rule: Rule, strength: float, raw: str, place: tuple[int, int]) -> dict[str, Any]:
-    """A rule, its strength, and ``at``, where its weight is written or can be, in its ``place``."""
+    """Return a rule, its strength, and ``at``, where in ``place`` its weight is or can be put."""
     raw = raw.rstrip()
     match = _WEIGHT.search(raw)
     begin, end = match.span(1) if match else [len(raw.rstrip("'\""))] * 2
@@ -122,12 +123,12 @@ def _rule(rule: Rule, strength: float, raw: str, place: tuple[int, int]) -> dict
 
 
 def _bare(result: Inference, output: str) -> Mask:
-    """Where no rule concludes about ``output``."""
+    """Return where no rule concludes about ``output``."""
     return np.asarray(np.max([*result.degrees[output].values()], axis=0) <= FIRING_FLOOR)
 
 
 def _bare_along(rules: BehaviorRules, at: Mapping[str, float], one: Variable) -> list[list[float]]:
-    """Intervals of an input where, the others as they are, an output has no rule or default."""
+    """Return the intervals of an input in which, others fixed, an output has no rule or default."""
     result = rules.fis.evaluate({**at, one.name: one.universe})
     needed = [name for name, output in rules.base.outputs.items() if output.default is None]
     bare = np.any(
@@ -140,7 +141,7 @@ def _bare_along(rules: BehaviorRules, at: Mapping[str, float], one: Variable) ->
 def _surface(
     rules: BehaviorRules, at: Mapping[str, float], wanted: Mapping[str, str]
 ) -> dict[str, Any]:
-    """An output over two inputs, row by row of y, the other inputs as they are."""
+    """Compute an output over two inputs, row by row of y, with the other inputs fixed."""
 
     def chosen(what: str, names: Sequence[str]) -> str:
         return wanted[what] if wanted.get(what) in names else names[0]

@@ -1,4 +1,4 @@
-"""The channels of a run: for its file, and for its live server."""
+"""Log a run to channels: those of its file, and those of its live server."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ from navfw.signals import Command, Percept, Pose, SensorReading, Twist
 from navfw.stack.stack_state import StackState
 
 _IMAGE_FORMAT = "png"
-"""Format of the images. It loses nothing; WebP and JPEG 2000 are a tenth smaller and take five to
-ten times as long, an eighth of the run."""
+"""Format of images. It is lossless; WebP and JPEG 2000 are a tenth smaller and take five to ten
+times as long, an eighth of the run."""
 
 OpenChannel = Callable[[topics.Topic], Any]
-"""Opens a channel: it has ``has_sinks()``, and ``log(data, log_time=...)`` with a time [ns]."""
+"""Opens a channel, which has ``has_sinks()``, and ``log(data, log_time=...)`` with a time [ns]."""
 
 
 _PERIODS: dict[str, float] = {
@@ -41,15 +41,15 @@ _PERIODS: dict[str, float] = {
     for info in topics.CHANNELS
     if (rate := float(info.rate.partition(" ")[0])) < 10.0
 }
-"""Intervals [s] of what is not logged at every frame: it costs most, or serves who joins."""
+"""Intervals [s] of channels that are logged less often than every frame."""
 
 
 class RunChannels:
-    """Logs every control tick of a run to channels of ``open_channel``.
+    """Logs every control tick of a run to channels that ``open_channel`` opens.
 
     Without ``seen`` only the sensor readings, each with its images before it. A channel without a
     receiver costs nothing. The stack is only read: its plugins explain themselves outside its
-    guard, so that a fault in an explanation is none of the run.
+    guard, so that a fault in an explanation is not counted as one of the run.
     """
 
     def __init__(self, open_channel: OpenChannel, seen: SeenRun | None = None) -> None:
@@ -61,7 +61,7 @@ class RunChannels:
         self.restart()
 
     def restart(self) -> None:
-        """Log at the next frame what is not logged at every one, for who joins."""
+        """Log the less frequent channels at the next frame, for a viewer that joins."""
         self._next: dict[str, float] = {}
 
     def observe(self, reading: SensorReading, twist: Twist, pose: Pose | None) -> None:
@@ -92,14 +92,14 @@ class RunChannels:
                     self._log(topic, now, make)
 
     def log_driven(self, twist: Twist, time: float) -> None:
-        """Log what the robot was commanded at ``time`` [s] while the stack was not in command."""
+        """Log the command that moved the robot at ``time`` [s] while the stack did not."""
         if topics.DRIVEN not in self._channels:
             self._channels[topics.DRIVEN] = self._open_channel(topics.DRIVEN)
         now = topics.nanoseconds(time)
         self._log(topics.DRIVEN, now, partial(ros.command_message, twist, now))
 
     def _log(self, topic: str, log_time: int, make: Callable[[], Any]) -> None:
-        """Log what ``make`` gives, if anybody receives it."""
+        """Log the message that ``make`` gives, if anybody receives it."""
         channel = self._channels[topic]
         if channel.has_sinks():
             made = make()
@@ -108,7 +108,7 @@ class RunChannels:
 
 
 def _json(content: Mapping[str, Any]) -> str:
-    """``content`` as JSON; most is plain already."""
+    """Convert ``content`` to JSON; most is plain already."""
     try:
         return json.dumps(content, allow_nan=False)
     except (TypeError, ValueError):
@@ -116,7 +116,7 @@ def _json(content: Mapping[str, Any]) -> str:
 
 
 def image_message(topic: str, image: Image, now: int, code: str = _IMAGE_FORMAT) -> bytes:
-    """A message of an image, gray or BGR, in the format ``code``."""
+    """Encode an image, gray or BGR, as ``CompressedImage`` in the format ``code``."""
     data = np.asarray(cv2.imencode(f".{code}", image)[1]).ravel()
     frame = {"frame_id": topic.removeprefix("/").removesuffix("/image")}
     fields = {"header": frame, "format": code, "data": data}
@@ -126,7 +126,7 @@ def image_message(topic: str, image: Image, now: int, code: str = _IMAGE_FORMAT)
 def _views(
     seen: SeenRun, now: float, pose: Pose | None, guard: PluginGuard
 ) -> Iterator[tuple[str, Callable[[], Any]]]:
-    """What the stack has made of the newest frame: topics, and what makes their messages."""
+    """Yield topics, and functions that make their messages, of the stack's state at a new frame."""
     stack, state = seen.stack, seen.stack.state
     camera, grid, tracks = stack.robot.camera, stack.local_map.occupancy, stack.tracker.confirmed
     command, belief, odometry = state.command, state.belief, state.odometry
@@ -168,7 +168,7 @@ def _views(
 
 
 def context_channels(context: Context) -> OpenChannel:
-    """Channels whose sinks are those of ``context``."""
+    """Return a function that opens channels whose sinks are those of ``context``."""
 
     def open_channel(info: topics.Topic) -> Channel:
         encoding, schema = channel_schema(info)
@@ -178,7 +178,7 @@ def context_channels(context: Context) -> OpenChannel:
 
 
 def channel_schema(info: topics.Topic) -> tuple[str, Schema]:
-    """Encoding and schema of messages: Foxglove's, of ROS 2, or JSON by ``json_schemas``."""
+    """Return the encoding and the schema of messages: Foxglove's, of ROS 2, or JSON."""
     namespace, _, name = info.schema.partition(".")
     if namespace == "foxglove":
         return "protobuf", getattr(typed, name).get_schema()
@@ -191,12 +191,12 @@ def channel_schema(info: topics.Topic) -> tuple[str, Schema]:
 
 @cache
 def json_schemas() -> dict[str, Any]:
-    """The JSON schemas of the channels in JSON, by their name."""
+    """Return the JSON schemas of the channels in JSON, by their name."""
     return read_json_object(Path(__file__).with_name("json_schemas.json"))
 
 
 def _line(state: StackState, now: int) -> bytes:
-    """A line of the log: why the stack is held (a warning, 30), or what it does (20)."""
+    """Encode a line of the log: why the stack is held (a warning, 30), or what it does (20)."""
     command, held = state.command, state.veto or (state.fault.reason if state.fault else "")
     does = "no command" if command is None else f"{command.leader}: {command.reason}"
     said = {"msg": f"held: {held}" if held else does, "level": 30 if held else 20}

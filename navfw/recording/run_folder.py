@@ -1,4 +1,4 @@
-"""The folder of a run's results, written atomically."""
+"""Read and write the folder of a run's results; it is written atomically."""
 
 from __future__ import annotations
 
@@ -21,45 +21,45 @@ RESULT = "result.json"
 """The file with outcome, metrics and configuration of a run."""
 
 PICTURE = "trajectory.png"
-"""The file with the trajectory from above."""
+"""The file with the picture of the trajectory in top view."""
 
 ESTIMATED, TRUTH = "trajectory.tum", "truth.tum"
-"""The estimated and the true poses over time, in ``map``, as TUM's benchmarks have them."""
+"""Files with the estimated and the true poses over time, in ``map``, in the format of TUM."""
 
 RECORDING = "run.mcap"
 """The file with the recording of a run."""
 
 REPORT = "report.html"
-"""The report of ``navfw report``."""
+"""The report that ``navfw report`` writes."""
 
 LAYOUT = "foxglove_layout.json"
 """The layout of Foxglove for the channels of a recording."""
 
 MAP, PLAN = "map.yaml", "plan.yaml"
-"""The files of a recording's map, and of its floor plan, if any; its image is beside it."""
+"""Files of the map of a recorded run, and of its floor plan, if any; its image is beside it."""
 
 EXPLORED, PLANS = "explored.yaml", "plans"
 """The map that an exploration made, and the folder of its floor plan."""
 
 _BAGS = {".bag", ".active", ".mcap", ".db3"}
-"""Suffixes of bags; ``.bag.active`` is what a recorder that was killed leaves."""
+"""Suffixes of bags; ``.bag.active`` is left by a recorder that was killed."""
 
 FILES = frozenset(
     {RESULT, PICTURE, ESTIMATED, TRUTH, RECORDING, REPORT, LAYOUT, EXPLORED, PLANS}
     | {MAP, "stack.yaml", PLAN, "plan.png", f".{RESULT}"},
 )
-"""The files of a run folder; a folder with any other file in it is never replaced."""
+"""All files of a run folder; a folder with any other file in it is never replaced."""
 
 
 def is_bag(path: Path) -> bool:
-    """Whether ``path`` is called as a bag's file is, or is the folder of one."""
+    """Return whether ``path`` is named as a bag's file, or is a bag's folder; nothing is read."""
     return path.suffix in _BAGS or is_file(path / "metadata.yaml") or bag_files(path) != [path]
 
 
 def bag_files(path: Path) -> list[Path]:
-    """The files with the messages of a bag: in a folder of ROS 2, else ``path`` itself.
+    """List the files with the messages of a bag: in a folder of ROS 2, else ``path`` itself.
 
-    A folder that holds images, or a run, is none.
+    A folder that also holds images or a run is not a bag: ``path`` itself is returned for it.
     """
     inside = sorted(path.glob("*")) if is_folder(path) else []
     names = {file.suffix for file in inside} | {file.name for file in inside}
@@ -68,7 +68,7 @@ def bag_files(path: Path) -> list[Path]:
 
 
 def recording_in(folder: str | Path) -> Path:
-    """The recording in a run folder.
+    """Return the path of the recording in a run folder.
 
     Raises:
         ConfigError: there is none; the message says how to get one.
@@ -81,9 +81,9 @@ def recording_in(folder: str | Path) -> Path:
 
 
 def plain_json(value: Any, digits: int = 17) -> Any:
-    """``value`` with numpy scalars, tuples and paths as JSON values; inf and nan become null.
+    """Convert ``value`` (numpy, tuples, paths) to JSON values; inf and nan become null.
 
-    Numbers have at most that many significant ``digits``.
+    Floats are rounded to at most ``digits`` significant digits.
     """
     if value is None or isinstance(value, str | bool | int):
         return value
@@ -120,7 +120,7 @@ class RunFolder(AtomicTarget):
             raise InputError(why, file=self.target)
 
     def write_json(self, name: str, value: Any) -> None:
-        """Write ``value`` as indented JSON (see ``plain_json``), which is YAML as well."""
+        """Write ``value`` as indented JSON (see ``plain_json``) to the file ``name`` inside."""
         text = json.dumps(plain_json(value), indent=2, allow_nan=False)
         part = self.path / f".{name}"
         try:
@@ -130,7 +130,7 @@ class RunFolder(AtomicTarget):
             part.unlink(missing_ok=True)
 
     def show_unfinished(self) -> None:
-        """Let people find the folder from here on, as ``NAME-unfinished``.
+        """Rename the temporary folder to ``NAME-unfinished``, for people to find.
 
         It stays when the process dies, if it has a recording. An earlier one is replaced.
 
@@ -145,7 +145,7 @@ class RunFolder(AtomicTarget):
         self.path = self.path.rename(visible)
 
     def adopt_unfinished(self) -> dict[str, Any]:
-        """Go on with the folder of a process that has died; its result so far, {} without one."""
+        """Take over the folder of a process that died; return its result so far, or {}."""
         if not is_file(self._lock.unfinished / RESULT):
             return {}
         self.path.rmdir()
@@ -154,7 +154,7 @@ class RunFolder(AtomicTarget):
 
     @property
     def kept(self) -> bool:
-        """Whether unfinished content stays after an exception: a recording does."""
+        """Whether unfinished content stays after an exception: only if it has a recording."""
         return self.path == self._lock.unfinished and is_file(self.path / RECORDING)
 
     def write_inputs(self, stack: Mapping[str, Any], topo_map: TopoMap) -> None:
@@ -184,7 +184,7 @@ class RunFolder(AtomicTarget):
         raise InputError(f"{why}; the run is in {self.final}", file=self.target)
 
     def _foreign(self, place: Path) -> str:
-        """Why what is at ``place`` must not be replaced; "" if there is nothing, or a run."""
+        """Return why what is at ``place`` must not be replaced; "" if it is nothing or a run."""
         if not place.exists():
             return ""
         if not place.is_dir():
@@ -199,7 +199,7 @@ class RunFolder(AtomicTarget):
 
 
 def read_result(folder: str | Path) -> dict[str, Any]:
-    """The ``result.json`` of a run folder.
+    """Read the ``result.json`` of a run folder.
 
     Raises:
         ConfigError: the folder is not a run folder, or its result cannot be read.

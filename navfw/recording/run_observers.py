@@ -1,4 +1,4 @@
-"""What takes in a run while it goes on: its log, a row per control tick; its recording as MCAP."""
+"""Collect a run while it goes on: its log, a row per control tick; its recording as MCAP."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ if TYPE_CHECKING:
     import pandas
 
 _COLUMNS, _MARKS = 10, 5
-"""Columns of the rows that ``RunLogger`` collects: numbers, and marks."""
+"""Columns of the rows that ``RunLogger`` collects: numbers, and integer marks."""
 
 
 def hash_commands(commands: Array) -> str:
-    """The sha256 (hex) of a command stream.
+    """Return the SHA-256 (hex) of a series of commands.
 
     ``commands`` (n, 3) holds time [s], v [m/s] and w [rad/s] of every control tick; hashed as
     little-endian float64, row after row, so that equal hashes mean equal bytes of commands.
@@ -63,9 +63,9 @@ class RunLog:
     ``waypoints`` are the planner's, in order. ``confidence`` (n,) in [0, 1] is that of the belief,
     0 while it is lost (None: not recorded). ``sight`` (n,) has the values of ``signals.Sight``.
     ``vetoed`` (n,) marks ticks in which the safety monitor held the robot. ``slower`` (n,) indexes
-    ``slowers``, what kept the robot below its top speed, "" at top speed. ``updates`` is the
-    number of landmark detections that the localiser used, ``route_changes`` how often the places
-    ahead were not those that were left of the route before.
+    ``slowers``, the reasons why the robot was below its top speed, "" at top speed. ``updates`` is
+    the number of landmark detections that the localiser used, ``route_changes`` how often the
+    places ahead differed from the rest of the route before.
     """
 
     time: Array
@@ -92,16 +92,16 @@ class RunLog:
 
     @property
     def command_stream(self) -> Array:
-        """(n, 3): time [s], v [m/s], w [rad/s]."""
+        """Commands with their times, (n, 3): time [s], v [m/s], w [rad/s]."""
         return np.column_stack([self.time, self.commands])
 
     @property
     def command_hash(self) -> str:
-        """The fingerprint of the command stream (see ``hash_commands``)."""
+        """The hash of ``command_stream`` (see ``hash_commands``)."""
         return hash_commands(self.command_stream)
 
     def columns(self) -> dict[str, npt.NDArray[Any]]:
-        """The log as columns by name, one value per control tick; poses and commands by part."""
+        """Return the log as columns by name, one value per control tick; poses are split."""
         names = np.array([*self.leaders, ""], dtype=object)
         columns: dict[str, npt.NDArray[Any]] = {"time": self.time}
         for pose, rows in (("true", self.true), ("estimate", self.estimate)):
@@ -112,7 +112,7 @@ class RunLog:
         return columns if self.confidence is None else columns | {"confidence": self.confidence}
 
     def to_pandas(self) -> pandas.DataFrame:
-        """The log as a table: a row per control tick, the columns of ``columns``.
+        """Return the log as a table: a row per control tick, the columns of ``columns``.
 
         Raises:
             MissingExtraError: pandas is not installed.
@@ -123,7 +123,7 @@ class RunLog:
         return pandas.DataFrame(self.columns())
 
     def every(self, period: float) -> npt.NDArray[np.intp]:
-        """Indices of ticks about ``period`` [s] apart, including the first and the last."""
+        """Return indices of ticks about ``period`` [s] apart, including the first and the last."""
         if self.ticks < 2:
             return np.arange(self.ticks)
         tick = (self.time[-1] - self.time[0]) / (self.ticks - 1)
@@ -164,7 +164,7 @@ class RunLogger:
         vetoed: bool = False,
         slower: str = "",
     ) -> None:
-        """Add one control tick; ``belief``, if given, has the confidence of ``estimate``."""
+        """Add a control tick; ``belief``, if given, has the confidence of ``estimate``."""
         lost = belief is not None and belief.lost
         confidence = 0.0 if lost else 1.0 if belief is None else belief.confidence
         self._updates = self._updates if belief is None else belief.updates
@@ -175,7 +175,7 @@ class RunLogger:
         self._marks.extend((number, emergency, sight, vetoed, bound))
 
     def add_waypoints(self, waypoints: tuple[Waypoint, ...]) -> None:
-        """Add the planner's waypoints ahead; waypoints already in the log are not repeated."""
+        """Add the planner's waypoints ahead; those already in the log are not repeated."""
         ahead = tuple(waypoint.place for waypoint in waypoints)
         left = self._ahead[len(self._ahead) - len(ahead) :]
         self._route_changes += bool(self._ahead) and ahead != left
@@ -184,7 +184,7 @@ class RunLogger:
             self._waypoints.setdefault((waypoint.x, waypoint.y, waypoint.place), waypoint)
 
     def log(self) -> RunLog:
-        """The log of all ticks added so far."""
+        """Return the log of all ticks added so far."""
         rows = np.array(self._rows, dtype=np.float64).reshape(-1, _COLUMNS)
         marks = np.array(self._marks, dtype=np.int16).reshape(-1, _MARKS)
         return RunLog(
@@ -210,14 +210,14 @@ class RunLogger:
 _CHUNK = 1 << 18
 """Size of a chunk before compression [byte]: a second or two, which a cut file loses at most."""
 _ROOM = 1 << 20
-"""What a recording gives back to a full disk [byte], for the result and the picture."""
+"""Space [byte] that a recording frees on a full disk, for the result and the picture."""
 
 
 class _RecordingFile:
     """A file that is written while the robot drives: a full disk ends the file, not the run.
 
-    ``kept`` [byte] is its size, ``size`` that with all that was to be written, ``error`` is why the
-    rest is left out.
+    ``kept`` [byte] is its size, ``size`` the size with all that should have been written, ``error``
+    why the rest is left out, None if nothing is.
     """
 
     def __init__(self, path: Path | None) -> None:
@@ -242,12 +242,12 @@ class _RecordingFile:
         return len(data)
 
     def seek(self, offset: int, whence: int = 0) -> int:
-        """Where the file ends: the writer asks for nothing else."""
+        """Return where the file ends: the writer asks for nothing else."""
         del offset, whence
         return self.size
 
     def flush(self) -> None:
-        """Nothing: nothing waits."""
+        """Do nothing, as nothing is buffered."""
 
     def copy_to(self, path: Path) -> None:
         """Write a temporary file to ``path``."""
@@ -257,12 +257,12 @@ class _RecordingFile:
 
 
 class RunRecorder:
-    """Records a run into the file ``path``: its readings, and what is ``seen`` of it.
+    """Records a run into the file ``path``: its readings, and the state of ``seen`` if given.
 
     Chunks are written as the robot drives: a process that is killed leaves all but the last second
-    or two. Without ``path`` they go to a temporary file, until ``save``. At most ``MAX_BYTES`` of
-    images, and of the file: ``complete`` is false once that limit has been reached, or the disk is
-    full (``error``), and what follows is left out.
+    or two. Without ``path`` they go to a temporary file, until ``save``. Images, and the file, have
+    at most ``MAX_BYTES`` each: ``complete`` is False once a limit has been reached, or the disk is
+    full (``error``); later ticks are then left out.
 
     Raises:
         OSError: the file cannot be created.
@@ -299,7 +299,7 @@ class RunRecorder:
         self._closed = False
 
     def observe(self, reading: SensorReading, twist: Twist, pose: Pose | None) -> None:
-        """Add one control tick: reading, the stack's command, and the true pose if it is known."""
+        """Record a control tick: reading, the stack's command, and the true pose if known."""
         frames = [frame for frame in (reading.frame, reading.landmark_frame) if frame is not None]
         images = [image for frame in frames for image in (frame.image, *frame.sides)]
         self._unpacked += 96 + sum(image.nbytes for image in images)
@@ -311,7 +311,7 @@ class RunRecorder:
                 self.complete = self.error is None
 
     def log_driven(self, twist: Twist, time: float) -> None:
-        """Add what another commanded the robot at ``time`` [s], in the stack's stead."""
+        """Record the command that moved the robot at ``time`` [s] while the stack did not."""
         if self.complete:
             with deferred():
                 self._channels.log_driven(twist, time)
@@ -332,11 +332,11 @@ class RunRecorder:
 
     @property
     def error(self) -> OSError | None:
-        """Why the recording ends before its run, if it could not be written."""
+        """Why the file could not be written to the end of the run; None if it could."""
         return self._file.error
 
     def save(self, path: Path) -> None:
-        """Have the recording at ``path``, ended if it was not.
+        """Close the recording, and copy it to ``path`` if it is not there.
 
         Raises:
             OSError: it cannot be written, or nothing of it could.
@@ -352,7 +352,7 @@ class RunRecorder:
         return self
 
     def __exit__(self, kind: object, error: object, trace: object) -> None:
-        """After an exception, which only a run has that did not begin, remove the recording."""
+        """After an exception, which occurs only if a run did not begin, delete the recording."""
         if kind is not None:
             self._file.error = self._file.error or OSError("discarded")
             self.close()

@@ -1,4 +1,4 @@
-"""Replay: the stack is run on recorded sensor readings and must give the same commands.
+"""Replay: run the stack on recorded sensor readings, and compare its commands bit by bit.
 
 No simulator is involved: equal commands show that the stack has no input besides the recording, map
 and stack file.
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 class SensorRecording:
     """Sensor ``readings`` and commands of a run (n control ticks).
 
-    ``commands`` (n, 2) are the stack's: v [m/s] and w [rad/s]. ``complete`` is false if the
+    ``commands`` (n, 2) are the stack's: v [m/s] and w [rad/s]. ``complete`` is False if the
     recording ends before its run.
     """
 
@@ -47,14 +47,14 @@ class SensorRecording:
 
     @property
     def times(self) -> Array:
-        """(n,) the times of the ticks [s]."""
+        """The times (n,) of the ticks [s]."""
         return np.array([reading.time for reading in self.readings])
 
 
 def load_recording(path: str | Path) -> SensorRecording:
     """Load the sensor readings of a recording, images included.
 
-    Of a file that is cut off, the intact part.
+    If the file is cut off, the readings of its intact part.
 
     Raises:
         ConfigError: the file does not exist, is too large, or is not a recording (``RecordedRun``).
@@ -80,7 +80,7 @@ def load_recording(path: str | Path) -> SensorRecording:
 
 
 def _reading(row: Any, images: dict[str, Image], run: RecordedRun) -> SensorReading:
-    """The reading of ``row`` with its ``images``, which are those that stand before it."""
+    """Make the reading of ``row``; take its ``images``, which stand before it in the file."""
 
     def take(topic: str) -> Image:
         if topic not in images:
@@ -107,10 +107,10 @@ def _reading(row: Any, images: dict[str, Image], run: RecordedRun) -> SensorRead
 
 @dataclass(frozen=True, slots=True)
 class ReplayResult:
-    """The result of a replay: hashes of both command streams, and their first difference.
+    """The result of a replay: hashes of both series of commands, and their first difference.
 
-    ``first_difference`` is the first tick with another command, or None. ``complete`` is false if
-    the recording ends before its run.
+    ``first_difference`` is the index of the first tick with another command, None if there is none.
+    ``complete`` is False if the recording ends before its run.
     """
 
     command_hash: str
@@ -126,7 +126,7 @@ class ReplayResult:
 
 
 def replay(folder: str | Path) -> ReplayResult:
-    """Run the stack on the sensor readings in a run folder.
+    """Run the stack on the sensor readings in a run folder, and compare its commands.
 
     Raises:
         InputError: the folder is not that of a run with ``--record``, or is damaged.
@@ -137,10 +137,10 @@ def replay(folder: str | Path) -> ReplayResult:
 
 
 def repeat_until(folder: str | Path, time: float) -> tuple[dict[str, Any], float]:
-    """Run the stack on the readings up to ``time`` [s]; return how it explains its last command.
+    """Run the stack on the readings up to ``time`` [s]; return the explanation of its last command.
 
-    The explanation is empty before the first command. Also returns the time [s] of the last
-    reading.
+    The explanation is {} before the first command. The second value is the time [s] of the last
+    reading of the recording.
 
     Raises:
         InputError: the folder is not that of a run with ``--record``, or is damaged.
@@ -162,7 +162,7 @@ def repeat_until(folder: str | Path, time: float) -> tuple[dict[str, Any], float
 def recorded_stack(
     folder: Path, other: str | None = None, overrides: Sequence[str] = ()
 ) -> tuple[Stack, SensorRecording, FaultReplay]:
-    """The stack of a recorded run at its start, the readings, and the faults to repeat.
+    """Load the stack of a recorded run, started, the readings, and the faults to repeat.
 
     ``other`` is the name or file of a stack in its place; ``overrides`` change single values.
 
@@ -233,7 +233,7 @@ def replay_by(
     recording: SensorRecording,
     before: Callable[[float], None] = lambda time: None,
 ) -> ReplayResult:
-    """Compare the commands that ``step`` gives for the recorded readings, bit by bit.
+    """Run ``step`` on the recorded readings, and compare its commands bit by bit.
 
     ``before`` is called with the time [s] of each reading before its step.
     """

@@ -1,9 +1,9 @@
-"""The smallest change of a recorded decision that turns it into another one.
+"""Find the smallest change of a recorded decision that turns it into another one.
 
 The decision is made again, by the real behaviours and the real fusion, with one thing changed: an
 input of one behaviour's rules (a sensed quantity), the weight or a break point of one rule, or the
 weight of one behaviour. Changes are tried from small to large. One that turns the decision is
-narrowed down until half of it no longer does. Everything else of the moment stays as it was.
+narrowed down until half of it no longer does. The rest of the context stays as it was.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from navfw.recording.decision_moment import DecisionMoment, Shift, edited
 from navfw.signals import Proposal, Twist
 
 Predicate = Callable[[Twist], bool]
-"""Whether a twist is what was wanted."""
+"""Returns whether a command is the wanted one."""
 
 
 _STEPS = (1 / 64, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0)
 """Changes that are tried, as shares of an input's range."""
 
 _CORNER_STEPS = (1 / 32, 1 / 8, 1 / 4)
-"""Those of break points, which are many, and mean something else when moved further."""
+"""The same for break points, which are many, and mean something else when moved further."""
 
 _FACTORS = (
     (1 / 1.1, 1 / 1.25, 1 / 1.5, 1 / 2, 1 / 4, 1 / 8, 0.0),
@@ -41,22 +41,22 @@ _FACTORS = (
 """Factors on a weight that are tried, downward and upward."""
 
 _BISECTIONS = 7
-"""Halvings of the interval in which a change begins to suffice."""
+"""Halvings of the interval in which a change begins to turn the decision."""
 
 _TINY = 1e-12
-"""Change down to which half of it is tried: where two commands are rated alike, hardly any does."""
+"""Change down to which half of it is tried: if two commands are rated alike, hardly any does."""
 
 _PAIRED = 12
-"""Number of changes of which pairs are tried."""
+"""Number of changes whose pairs are tried."""
 
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """What would have turned the decision: ``name`` of ``behavior`` from ``before`` to ``after``.
+    """A change that turns the decision: ``name`` of ``behavior`` from ``before`` to ``after``.
 
-    That is an input, the weight of the behaviour or of one of its rules, or a break point of a
-    term; ``shift`` does it. ``size`` compares changes: a share of the input's range, or of three
-    doublings of a weight.
+    ``name`` is an input, the weight of the behaviour or of one of its rules, or a break point of a
+    term; ``shift`` applies it. ``size`` compares changes: a share of the input's range, or for a
+    weight the number of doublings divided by three.
     """
 
     behavior: str
@@ -68,7 +68,7 @@ class Change:
     unit: str = ""
 
     def scaled(self, share: float) -> Change:
-        """Return that ``share`` of the change."""
+        """Return the change reduced to ``share`` of it."""
         after = self.before + share * (self.after - self.before)
         return replace(self, after=after, size=share * self.size, shift=self.shift.scaled(share))
 
@@ -79,16 +79,16 @@ class Change:
 
 
 def rating(context: Context, proposals: Mapping[str, Proposal]) -> Array:
-    """Return the rating (n_v, n_w) of all commands: the desires' mean, less what is prohibited."""
+    """Return the rating (n_v, n_w) of all commands: their mean desire, less their prohibition."""
     return allowed_desire(mean_desire(context, proposals), joint_prohibition(context, proposals))
 
 
 @dataclass(frozen=True, slots=True)
 class _Candidate:
-    """A number that a change may be of, with its ``value``.
+    """A number that may be changed, with its present ``value``.
 
-    ``scale`` is the length of its range, 0 for a weight; ``begin`` is the shift that it is changed
-    by, with any amount.
+    ``scale`` is the length of its range, 0 for a weight; ``begin`` is the shift that changes it,
+    with any amount.
     """
 
     name: str
@@ -98,7 +98,7 @@ class _Candidate:
     unit: str = ""
 
     def amounts(self) -> tuple[tuple[float, ...], ...]:
-        """Amounts to try in either direction, from small to large."""
+        """Return amounts to try in either direction, from small to large."""
         if self.scale:
             steps = _STEPS if self.begin.corner is None else _CORNER_STEPS
             return tuple(tuple(sign * one * self.scale for one in steps) for sign in (1.0, -1.0))
@@ -122,10 +122,10 @@ class _Candidate:
 def smallest_changes(
     moment: DecisionMoment, turned: Predicate, cells: Sequence[tuple[int, int]]
 ) -> tuple[list[Change], list[Change]]:
-    """Return the smallest single changes that turn the decision, of each kind, smallest first.
+    """Find the smallest single change of each kind that turns the decision, smallest first.
 
-    The kinds are inputs, parts of rules, and behaviours' weights. Also returns all changes of
-    inputs that were tried, at their largest. ``cells`` are the wanted and the given command.
+    The kinds are inputs, parts of rules, and behaviours' weights. The second value is all changes
+    of inputs that were tried, at their largest. ``cells`` are the wanted and the given command.
     """
     rated = moment.decide()[1]
     inputs = [
@@ -180,7 +180,7 @@ def _covered(moment: DecisionMoment, shift: Shift) -> bool:
 def _of_rules(
     moment: DecisionMoment, rated: Mapping[str, Proposal], cells: Sequence[tuple[int, int]]
 ) -> Iterator[_Candidate]:
-    """The weights of the rules that fired, and the break points of the terms of all inputs."""
+    """Yield the weights of the rules that fired, and the break points of all inputs' terms."""
     composite = moment.composite
     owners = [name for name, proposal in rated.items() if _matters(proposal, cells)]
     owners += [composite.name] if composite is not None else []
@@ -205,7 +205,7 @@ def _of_rules(
 
 
 def _matters(proposal: Proposal, cells: Sequence[tuple[int, int]]) -> bool:
-    """Return whether a behaviour has a say in which of two commands is chosen."""
+    """Return whether a behaviour influences which of two commands is chosen."""
     one, other = (proposal.applicability * proposal.desirability[cell] for cell in cells)
     barred = max(float(proposal.prohibition[cell]) for cell in cells)
     return abs(one - other) > 0.0 or barred > 0.0
@@ -216,7 +216,7 @@ def _least(
 ) -> float | None:
     """Return about the amount nearest to ``nothing`` that turns the decision; None if none does.
 
-    Half of it, from ``nothing`` on, does not.
+    Half of it, counted from ``nothing``, does not.
     """
     below = nothing
     for amount in amounts:
@@ -242,7 +242,7 @@ def smallest_pair(
     largest: Sequence[Change],
     cell: tuple[int, int],
 ) -> tuple[Change, ...]:
-    """Return the smallest two changes of inputs that turn the decision together; () if none do."""
+    """Find the smallest two changes of inputs that turn the decision together; () if none do."""
 
     def supported(change: Change) -> float:
         return float(rating(moment.context, moment.decide([change.shift])[1])[cell])

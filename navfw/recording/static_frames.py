@@ -1,4 +1,4 @@
-"""How sensors are mounted: by static transforms of ROS, by an option, or as other sensors turn."""
+"""Find how sensors are mounted: by ROS's static transforms, an option, or how others turn."""
 
 from __future__ import annotations
 
@@ -14,32 +14,32 @@ from navfw.errors import InputError
 from navfw.numerics import Array
 
 OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-"""Axes of an optical frame (right, down, ahead), as columns, in one with ahead, left and up."""
+"""Axes of an optical frame (right, down, ahead), as columns, in a frame of ahead, left and up."""
 AXES: list[Array] = sorted(
     Rotation.create_group("O").as_matrix().round() + 0.0,
     key=lambda axes: [not np.array_equal(axes, usual) for usual in (np.eye(3), OPTICAL)],
 )
-"""How the axes of a sensor may lie along ahead, left and up (3, 3); the usual ones first."""
+"""All right-angled mountings of a sensor (3, 3) in ahead, left and up; the usual ones first."""
 _TIE = 0.02
-"""Difference of two agreements that decides nothing."""
+"""Difference of two agreements below which they count as equal."""
 _AGREES, _BETTER = 0.6, 0.4
 """Least agreement of axes that are taken, and how much more it is than that of the assumed ones."""
 _TURNED = 1.0
 """Turns of the wheels [rad] after which the axes of the gyro are compared with them."""
 BASES = {"base_link", "base_footprint"}
-"""Frames with the axes ahead, left and up of a robot (REP 105)."""
+"""Frames with a robot's axes ahead, left and up (REP 105)."""
 _UNIT = 0.1
 """Allowed error of a quaternion's norm."""
 
 
 class StaticFrames:
-    """The transforms of ``TFMessage``s; the newest of each frame counts."""
+    """The transforms of ``TFMessage``s; the newest of each frame is used."""
 
     def __init__(self) -> None:
         self._parents: dict[str, tuple[str, Array]] = {}
 
     def add(self, message: Any) -> bool:
-        """Take in the transforms of ``message``; whether each had a rotation."""
+        """Add the transforms of ``message``; return whether each had a valid rotation."""
         good = True
         for link in message.transforms:
             q = link.transform.rotation
@@ -52,7 +52,7 @@ class StaticFrames:
         return good
 
     def above(self, frame: str) -> dict[str, Array]:
-        """The axes of ``frame``, as columns (3, 3), in each frame from itself up to the root."""
+        """Return the axes of ``frame``, as columns (3, 3), in itself and each frame above it."""
         at, axes = frame.lstrip("/"), np.eye(3)
         above = {at: axes}
         while at in self._parents and self._parents[at][0] not in above:
@@ -63,19 +63,19 @@ class StaticFrames:
 
 
 def axes_text(axes: Array) -> str:
-    """The axes of a sensor that point ahead, left and up: ``z,-x,-y`` of an optical frame."""
+    """Return which axes of a sensor point ahead, left and up: ``z,-x,-y`` for an optical frame."""
     largest = np.abs(axes).argmax(axis=1).tolist()
     return ",".join(("-" if axes[k, n] < 0.0 else "") + "xyz"[n] for k, n in enumerate(largest))
 
 
 def assumed_axes(axes: Array, reason: str, sensor: str = "gyro") -> Assumption:
-    """That a ``sensor`` has these ``axes``."""
+    """Return the assumption that a ``sensor`` has these ``axes``, for ``reason``."""
     taken = f"{axes_text(axes)} are ahead, left, up"
     return Assumption(f"axes of the {sensor}", taken, reason, "--imu-axes")
 
 
 def axes_of(text: str) -> Array:
-    """The axes (3, 3) that ``text`` names, as ``axes_text`` writes them.
+    """Parse the axes (3, 3) that ``text`` names, as ``axes_text`` writes them.
 
     Raises:
         InputError: it names no three axes, or they are not right-handed.
@@ -90,10 +90,11 @@ def axes_of(text: str) -> Array:
 
 
 def agreeing_axes(seen: Array, measured: Array) -> tuple[Array | None, float]:
-    """The axes in which turns ``measured`` (n, 3) [rad] are those ``seen`` (n, 3), and how well.
+    """Find axes by which rotations ``measured`` (n, 3) [rad] agree with ``seen`` (n, 3).
 
-    Turns are about ahead, left and up; nan where they are not known. 1 is equality, 0 chance. The
-    axes are None where those of ``measured`` are about as good as any, or none are good.
+    Rotations are about ahead, left and up; nan if unknown. The second value is the agreement: 1 for
+    equality, 0 for chance. The axes are None if those of ``measured`` agree about as well as any,
+    or none agree.
     """
     known = np.isfinite(seen)
 

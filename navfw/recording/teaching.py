@@ -1,4 +1,4 @@
-"""Teaching: a map out of recordings of drives that somebody steered.
+"""Teaching: make a map from recordings of drives that a person steered.
 
 The recorded readings are fed to the perceiving half of the stack; nothing is planned. Where a
 recording cannot be one drive (a gap, a jump of the wheels, a dark camera, a robot that was carried)
@@ -45,14 +45,14 @@ was 0.98 and more in five drives; 0.15 to 0.74 of two real cars whose camera's p
 _ORIGIN = Pose(0.0, 0.0, 0.0)
 
 _MIN_DETECTIONS = 3
-"""Detections of a marker from which it is a landmark of the map."""
+"""Detections of a marker from which it becomes a landmark of the map."""
 
 
 @dataclass(frozen=True, slots=True)
 class TeachingDrive:
-    """A recorded drive of ``robot`` in ``file``; ``readings`` loads it.
+    """A recorded drive of ``robot`` in ``file``; ``readings()`` loads it.
 
-    ``start`` is where it begins in ``map``. ``lacking`` says what is missing of "camera",
+    ``start`` is the pose in ``map`` where it begins. ``lacking`` says what is missing, by "camera",
     "gyro" and "wheels".
     """
 
@@ -64,7 +64,7 @@ class TeachingDrive:
 
 
 def recorded_drive(folder: Path) -> TeachingDrive:
-    """The drive in a run folder.
+    """Return the drive in a run folder, for ``teach``.
 
     Raises:
         ConfigError: it has no recording, or its result is damaged.
@@ -84,7 +84,7 @@ class TaughtPart:
     """A part of a recording from ``begin`` to ``end`` [s].
 
     ``why`` says why it ended there, and is empty at the end of the recording. ``path`` is its
-    length [m]; ``in_map`` is the name of the map that it is in, empty if it is in none.
+    length [m]; ``in_map`` is the name of the map that contains it, empty if none does.
     """
 
     file: Path
@@ -99,8 +99,8 @@ class TaughtPart:
 class TaughtMap:
     """A map, and how many loops were closed or remained undecided.
 
-    ``situations`` is what OFFIS inferred at each kind of its places; None if nothing. ``keys`` are
-    the key poses of the drive.
+    ``situations`` are those that OFFIS inferred at each kind of its places; None if it inferred
+    none. ``keys`` are the key poses of the drive.
     """
 
     topo_map: TopoMap
@@ -112,7 +112,7 @@ class TaughtMap:
 
 @dataclass(frozen=True, slots=True)
 class Taught:
-    """The maps, at least one; the parts of the recordings, and what took the place of sensors."""
+    """The maps, at least one; the parts of the recordings, and notes on replaced sensors."""
 
     maps: Sequence[TaughtMap]
     parts: Sequence[TaughtPart]
@@ -126,11 +126,11 @@ def teach(
     report: ProgressCallback = silent,
     is_taken: Callable[[str], bool] = lambda _: False,
 ) -> Taught:
-    """Make the map ``name`` of recorded ``drives``.
+    """Make the map ``name`` from recorded ``drives``.
 
-    What does not certainly overlap becomes a map of its own, called ``name``-2 and so on; numbers
-    of maps for which ``is_taken`` are left out. ``named`` are times [s] in the first recording, and
-    names of the places where the robot was.
+    Parts that do not certainly overlap become maps of their own, called ``name``-2 and so on;
+    numbers of maps for which ``is_taken`` are left out. ``named`` are times [s] in the first
+    recording, and names of the places where the robot was then.
 
     Raises:
         InputError: a recording lacks a sensor that nothing else replaces; nothing was seen; a name
@@ -170,7 +170,7 @@ _Piece = tuple[TeachingDrive, MappedPart, float]
 
 
 def _pieces(drive: TeachingDrive, notes: list[str], report: ProgressCallback) -> Sequence[_Piece]:
-    """The parts of a recording with the maps that grow from them."""
+    """Return the parts of a recording with the maps that grow from them."""
     readings = _complete(drive, notes, report)
     empty = TopoMap("none", [Place("start", 0.0, 0.0)], [])
     stack = MappingStack.load(find("stack", STACK), drive.robot, empty, default_registry())
@@ -185,7 +185,7 @@ def _pieces(drive: TeachingDrive, notes: list[str], report: ProgressCallback) ->
 
 
 def _piece_at(pieces: Sequence[_Piece], time: float) -> int:
-    """The number of the part of the first recording at ``time`` [s]."""
+    """Return the index of the part of the first recording at ``time`` [s]."""
     own = [part for drive, part, _ in pieces if drive is pieces[0][0]]
     for number, part in enumerate(own):
         if (part.begin if number else 0.0) <= time <= part.end + 1.0:
@@ -200,7 +200,7 @@ def _made(
     named: Sequence[tuple[int, float, str]],
     name: str,
 ) -> TaughtMap:
-    """The map ``name`` of parts that were joined, with the places ``named`` in these."""
+    """Make the map ``name`` of parts that were joined, with the places ``named`` in these."""
     growing, radius = joined.growing, joined.growing.robot.radius
     topo_map = made_map(name, growing.grid, radius, growing.drops)
     for number, time, place in named:
@@ -220,7 +220,7 @@ def _made(
 
 
 def _with_markers(topo_map: TopoMap, sightings: Sequence[tuple[Pose, Sighting]]) -> TopoMap:
-    """The map with the markers that were seen often enough, by sightings from poses in ``map``."""
+    """Return the map with the markers that were seen often enough, from poses in ``map``."""
     mapper = LandmarkMapper(_ORIGIN)
     for pose, sighting in sightings:
         if sighting.markers:
@@ -232,7 +232,7 @@ def _with_markers(topo_map: TopoMap, sightings: Sequence[tuple[Pose, Sighting]])
 def _situations(
     topo_map: TopoMap, sightings: Sequence[tuple[Pose, Sighting]]
 ) -> SituationTable | None:
-    """What OFFIS inferred, by the kind of the place that was nearest."""
+    """Learn the situations that OFFIS inferred by the kind of the nearest place; None if none."""
     kinds = [place.kind for place in topo_map.places.values()]
     try:
         return learn_table(
@@ -247,7 +247,7 @@ def _situations(
 def _complete(
     drive: TeachingDrive, notes: list[str], report: ProgressCallback
 ) -> Sequence[SensorReading]:
-    """The readings of a recording; the floor's motion replaces wheels or gyro that it lacks.
+    """Return the readings of a recording; the floor's motion replaces missing wheels or gyro.
 
     Raises:
         ConfigError: a sensor is missing that the floor's motion does not replace.
@@ -278,7 +278,7 @@ def _complete(
 
 
 def _missing(readings: Sequence[SensorReading]) -> dict[str, str]:
-    """What ``readings`` lack of "camera", "gyro" and "wheels"."""
+    """Return what ``readings`` lack of "camera", "gyro" and "wheels"; {} if nothing."""
     rates = np.array([reading.inertial.yaw_rate for reading in readings])
     ticks = np.array([(reading.encoders.left, reading.encoders.right) for reading in readings])
     missing = {}

@@ -1,4 +1,4 @@
-"""A plan in top view as a list of shapes in metres, made once for all that draw it.
+"""Describe a plan in top view as a list of shapes in metres, for all programs that draw it.
 
 Pictures draw shapes with matplotlib, pages on a canvas, videos with OpenCV, recordings as messages
 of Foxglove, and the simulator's window as lines.
@@ -20,12 +20,12 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Style:
-    """How a shape looks.
+    """The look of a shape.
 
-    ``color`` fills areas, discs and marks ("" leaves them empty) and is that of lines, ``edge``
-    that of outlines, none if it is "". ``width`` is that of lines and outlines [pt]; ``opacity`` is
-    in [0, 1]. ``marker`` is a shape as "star", ``size`` that of marks [pt]; ``height`` [m] is that
-    of a body in a scene. ``label`` names the shape in keys.
+    ``color`` fills areas, discs and marks ("" leaves them empty) and is the colour of lines;
+    ``edge`` is that of outlines, "" for none. ``width`` is that of lines and outlines [pt];
+    ``opacity`` is in [0, 1]. ``marker`` names a mark's shape, as "star", ``size`` is that of marks
+    [pt]; ``height`` [m] is that of a body in a scene. ``label`` names the shape in keys.
     """
 
     color: str = ""
@@ -41,7 +41,7 @@ class Style:
 
 @dataclass(frozen=True, slots=True)
 class Area:
-    """A polygon with ``corners`` (k, 2)."""
+    """A polygon with ``corners`` (k, 2) [m]."""
 
     corners: Array
     style: Style
@@ -49,7 +49,7 @@ class Area:
 
 @dataclass(frozen=True, slots=True)
 class Disc:
-    """A disc of ``radius`` about (x, y)."""
+    """A disc of ``radius`` about (x, y) [m]."""
 
     x: float
     y: float
@@ -59,7 +59,7 @@ class Disc:
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """The line through ``points`` (n, 2); rows of nan part it."""
+    """The line through ``points`` (n, 2) [m]; a row of nan interrupts it."""
 
     points: Array
     style: Style
@@ -67,7 +67,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Marks:
-    """Marks of one size at ``points`` (n, 2), whatever the scale."""
+    """Marks at ``points`` (n, 2) [m], whose size on paper does not depend on the scale."""
 
     points: Array
     style: Style
@@ -95,7 +95,7 @@ class WorldOutline:
     discs: Sequence[tuple[float, float, float]] = ()
 
     def shapes(self) -> list[Shape]:
-        """Furniture, and walls over it."""
+        """Return the shapes of the furniture, and those of the walls over it."""
         return [
             *(Area(corners, _FURNITURE) for corners in self.furniture),
             *(Disc(*disc, _FURNITURE) for disc in self.discs),
@@ -103,7 +103,7 @@ class WorldOutline:
         ]
 
     def bounds(self, margin: float, *others: Array) -> tuple[Array, Array]:
-        """Least and largest x, y [m] of the world and of ``others`` (n, 2), with a ``margin``."""
+        """Return least and largest x, y [m] of world and ``others`` (n, 2), plus a ``margin``."""
         ends = np.array([(-1.0, -1.0), (1.0, 1.0)])
         round_ends = [np.array([x, y]) + radius * ends for x, y, radius in self.discs]
         corners = [*self.walls, *self.furniture, *round_ends, *others]
@@ -113,7 +113,7 @@ class WorldOutline:
 
 
 def led_lines(points: Array, leaders: Sequence[str]) -> list[Line]:
-    """The path through ``points`` (n, 2), a line for each of the ``leaders`` (n,) of its pieces.
+    """Return the path through ``points`` (n, 2), one line for each of the ``leaders`` (n,).
 
     A piece has the colour of the behaviour that leads at its end; labels give shares.
     """
@@ -130,17 +130,17 @@ def led_lines(points: Array, leaders: Sequence[str]) -> list[Line]:
 
 
 def goal_marks(goals: Iterable[Point]) -> Marks:
-    """The goals of a mission."""
+    """Return the marks of a mission's goals."""
     return Marks(np.array(list(goals)).reshape(-1, 2), _GOAL)
 
 
 def waypoint_marks(points: Iterable[Point]) -> Marks:
-    """The planner's waypoints."""
+    """Return the marks of the planner's waypoints."""
     return Marks(np.array(list(points)).reshape(-1, 2), _WAYPOINT)
 
 
 def way_shapes(robot: Point, waypoints: Sequence[Point], local_goal: Point | None) -> list[Shape]:
-    """The way ahead of the ``robot`` over ``waypoints``, and the point to head for now."""
+    """Return the shapes of the route from the ``robot`` over ``waypoints``, and the local goal."""
     shapes: list[Shape] = [
         Line(np.array([robot, *waypoints[:1]]), replace(_WAY, label="first leg")),
         Line(np.array(waypoints).reshape(-1, 2), _WAY),
@@ -153,7 +153,7 @@ def way_shapes(robot: Point, waypoints: Sequence[Point], local_goal: Point | Non
 
 
 def mover_shapes(line: Array, at: Point, radius: float, opacity: float = 1.0) -> list[Shape]:
-    """A moving obstacle of ``radius`` at a point, and the ``line`` (n, 2) of its motion."""
+    """Return a moving obstacle of ``radius`` [m] at a point, and the ``line`` (n, 2) it takes."""
     return [
         Line(line, replace(MOVER, opacity=min(2.0 * opacity, 1.0))),
         Disc(*at, radius, replace(MOVER, opacity=opacity, label="")),
@@ -161,7 +161,7 @@ def mover_shapes(line: Array, at: Point, radius: float, opacity: float = 1.0) ->
 
 
 def robot_shapes(pose: Pose, radius: float, nose: float, style: Style) -> list[Shape]:
-    """The robot as a disc, and a line from its middle to its ``nose`` [m] ahead of it."""
+    """Return the robot as a disc, and a line from its middle to its ``nose`` [m] ahead of it."""
     tip = pose.to_parent(nose, 0.0)
     return [
         Disc(pose.x, pose.y, radius, replace(style, label="")),

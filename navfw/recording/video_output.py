@@ -1,4 +1,4 @@
-"""Pictures written as a video that browsers play: H.264 in MP4, complete or not at all."""
+"""Write pictures as a video that browsers play: H.264 in MP4, complete or not at all."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from navfw.numerics import Image
 from navfw.process.atomic import AtomicTarget, output_file
 
 VIDEO_SUFFIX = ".mp4"
-"""Suffix of the files written."""
+"""The suffix that a video's file must have."""
 _OPTIONS = {"crf": "26", "preset": "veryfast"}
 """Quality (0 to 51, less is better) and effort of the encoder."""
 
@@ -35,7 +35,7 @@ def check_video(target: Path, option: str) -> None:
 
 
 class VideoOutput(AtomicTarget):
-    """A context manager that writes pictures of one size; it replaces an earlier video.
+    """A context manager that writes pictures of one size as a video, replacing an earlier one.
 
     Of an odd width or height the last column or row is left out, as the colours are those of 2 x 2
     pixels. ``rate`` is the number of pictures per second of the video.

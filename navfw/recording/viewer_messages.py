@@ -1,4 +1,4 @@
-"""What the stack sees, believes and decides, as messages of Foxglove's schemas.
+"""Convert the stack's percepts, beliefs and decisions to messages of Foxglove's schemas.
 
 Frames are those of docs/architecture.md; z is up in ``map``, ``odom`` and ``base_link``. Image
 points count from the image's upper left corner [px].
@@ -24,11 +24,11 @@ from navfw.signals import Belief, FlowField, Label, Percept, Pose, Proposal, Twi
 _LINE_LIFT, _LINE_WIDTH = 0.1, 0.05
 """Height and width of lines in a scene [m]."""
 _LEVELS = 255
-"""Largest value of a degree in [0, 1] that is packed into a byte."""
+"""Byte for a degree of 1; degrees in [0, 1] are packed into bytes."""
 
 
 def flow_message(flow: FlowField, camera: CameraModel, stamp: Timestamp) -> fox.ImageAnnotations:
-    """The flow vectors with any confidence as lines, from where each point was to where it is."""
+    """Draw flow vectors with any confidence as lines from the points' old to new positions."""
     measured = flow.confidence > 0.0
     ends = camera.reduction * flow.points[measured] + _centre(camera)
     starts = ends - camera.reduction * flow.vectors[measured]
@@ -38,7 +38,7 @@ def flow_message(flow: FlowField, camera: CameraModel, stamp: Timestamp) -> fox.
 
 
 def cells_message(percept: Percept, camera: CameraModel, stamp: Timestamp) -> fox.ImageAnnotations:
-    """The cells of the percept as points, coloured by their label."""
+    """Draw the cells of the percept as points, coloured by their label."""
     points = camera.reduction * percept.points + _centre(camera)
     kind = fox.PointsAnnotationType.Points
     groups = []
@@ -56,7 +56,7 @@ def _color(color: str, alpha: float = 1.0) -> fox.Color:
 def _annotations(
     stamp: Timestamp, groups: Iterable[tuple[fox.PointsAnnotationType, Array, fox.Color, float]]
 ) -> fox.ImageAnnotations:
-    """Groups of points (n, 2) [px], each with its kind, colour and thickness [px]."""
+    """Make annotations of groups of points (n, 2) [px], with kind, colour and thickness [px]."""
     return fox.ImageAnnotations(
         timestamp=stamp,
         points=[
@@ -74,12 +74,12 @@ def _annotations(
 
 
 def _centre(camera: CameraModel) -> tuple[float, float]:
-    """The principal point [px] from the upper left corner of the image."""
+    """Return the principal point [px] from the upper left corner of the image."""
     return 0.5 * camera.width, 0.5 * camera.height
 
 
 def local_map_message(grid: OccupancyGrid, stamp: Timestamp) -> fox.Grid:
-    """The local map in ``odom``: field ``occupancy`` in percent, 50 where nothing is known."""
+    """Encode the local map in ``odom``: field ``occupancy`` in percent, 50 if nothing is known."""
     cell = grid.params.cell
     x, y = grid.origin
     percent = np.rint(100.0 / (1.0 + np.exp(-grid.log_odds))).astype(np.uint8)
@@ -99,7 +99,7 @@ def local_map_message(grid: OccupancyGrid, stamp: Timestamp) -> fox.Grid:
 def proposals_message(
     proposals: Mapping[str, Proposal], v: Array, w: Array, stamp: Timestamp
 ) -> fox.Grid:
-    """How each behaviour rates the commands: a cell for each speed (column) and turn (row).
+    """Encode how each behaviour rates the commands: a cell per speed (column) and turn (row).
 
     Fields ``NAME.desirability`` and ``NAME.prohibition``, 255 for a degree of 1. ``pose`` is the
     command of the first cell, v [m/s] along x and w [rad/s] along y.
@@ -133,7 +133,7 @@ def _byte_field(name: str, offset: int) -> fox.PackedElementField:
 
 
 def obstacles_message(tracks: Sequence[Track], time: float, stamp: Timestamp) -> fox.SceneUpdate:
-    """The confirmed moving obstacles in ``odom``, with where each will be in a second."""
+    """Draw the confirmed moving obstacles in ``odom``, with their motion over the next second."""
     shapes: list[Shape] = []
     for track in tracks:
         at = np.array(track.predict(time))
@@ -145,17 +145,17 @@ def obstacles_message(tracks: Sequence[Track], time: float, stamp: Timestamp) ->
 def movers_message(
     discs: Sequence[tuple[float, float, float]], stamp: Timestamp
 ) -> fox.SceneUpdate:
-    """What moves by itself, in ``map``: ``discs`` (x, y, radius) [m]."""
+    """Draw the simulator's moving obstacles in ``map``: ``discs`` (x, y, radius) [m]."""
     return _scene([Disc(*disc, MOVER) for disc in discs], "map", "movers", stamp)
 
 
 def world_message(outline: WorldOutline, stamp: Timestamp) -> fox.SceneUpdate:
-    """The world in ``map``: walls and furniture as cubes, round things as cylinders."""
+    """Draw the world in ``map``: walls and furniture as cubes, round things as cylinders."""
     return _scene(outline.shapes(), "map", "world", stamp)
 
 
 def _scene(shapes: Iterable[Shape], frame: str, name: str, stamp: Timestamp) -> fox.SceneUpdate:
-    """Rectangles as cubes, discs as cylinders, lines just above the floor."""
+    """Draw rectangles as cubes, discs as cylinders, lines just above the floor."""
     cubes, cylinders, lines = [], [], []
     for shape in shapes:
         style = shape.style
@@ -183,7 +183,7 @@ def _scene(shapes: Iterable[Shape], frame: str, name: str, stamp: Timestamp) -> 
 
 
 def _cube(corners: Array, height: float, color: fox.Color) -> fox.CubePrimitive:
-    """The upright block over a rectangle with ``corners`` (4, 2) [m]."""
+    """Return the upright block over a rectangle with ``corners`` (4, 2) [m]."""
     along, across = corners[1] - corners[0], corners[2] - corners[1]
     x, y = corners.mean(axis=0).tolist()
     yaw = math.atan2(along[1], along[0])
@@ -192,7 +192,7 @@ def _cube(corners: Array, height: float, color: fox.Color) -> fox.CubePrimitive:
 
 
 def pose_message(belief: Belief, twist: Twist, stamp: Timestamp) -> fox.Odometry:
-    """The estimated pose in ``map`` with its covariance (x, y, z, roll, pitch, yaw; 6 x 6)."""
+    """Encode the estimated pose in ``map``, with covariance (x, y, z, roll, pitch, yaw; 6 x 6)."""
     covariance = np.zeros((6, 6))
     covariance[np.ix_((0, 1, 5), (0, 1, 5))] = belief.covariance
     return fox.Odometry(
@@ -207,12 +207,12 @@ def pose_message(belief: Belief, twist: Twist, stamp: Timestamp) -> fox.Odometry
 
 
 def pose_in_message(frame: str, pose: Pose, stamp: Timestamp) -> fox.PoseInFrame:
-    """A pose in a ``frame``."""
+    """Encode ``pose``, given in ``frame``."""
     return fox.PoseInFrame(timestamp=stamp, frame_id=frame, pose=_pose3(pose))
 
 
 def path_message(belief: Belief, path: Sequence[Waypoint], stamp: Timestamp) -> fox.PosesInFrame:
-    """The way ahead in ``map``: the estimated position, and the planner's waypoints."""
+    """Encode the route ahead in ``map``: the estimated position, and the planner's waypoints."""
     ahead = [_pose3(Pose(waypoint.x, waypoint.y, 0.0)) for waypoint in path]
     return fox.PosesInFrame(timestamp=stamp, frame_id="map", poses=[_pose3(belief.pose), *ahead])
 

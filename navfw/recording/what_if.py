@@ -1,4 +1,4 @@
-"""What if: a changed stack is run on the recorded readings, and its commands are compared.
+"""What if: run a changed stack on the recorded readings, and compare its commands.
 
 The images are those of the path that was driven. How long they show what the changed stack would
 have seen is found by integrating both series of commands from the first difference on.
@@ -28,10 +28,10 @@ from navfw.signals import Pose, Twist
 from navfw.stack.shadow_stack import was_driven
 
 PAUSE = 0.5
-"""Time [s] between two differences up to which they are one."""
+"""Time [s] between two spans of differences below which they count as one."""
 
 _OTHER = np.array([0.01, 0.02])
-"""Differences of v [m/s] and w [rad/s] from which a command is another one."""
+"""Differences of v [m/s] and w [rad/s] from which two commands count as different."""
 
 _LISTED = 20
 """Largest number of differences that are printed, the longest ones."""
@@ -42,7 +42,7 @@ _REASONS = 3
 
 @dataclass(frozen=True, slots=True)
 class OtherCommands:
-    """Commands that differ from ``time`` to ``until`` [s], where they differ the most.
+    """A span from ``time`` to ``until`` [s] in which commands differ, at its largest difference.
 
     ``recorded`` and ``changed`` are v [m/s] and w [rad/s] there, ``why`` is the behaviour and the
     rule whose strength has changed the most by the first of these decisions.
@@ -66,14 +66,14 @@ class OtherVeto:
 
 @dataclass(frozen=True, slots=True)
 class WhatIf:
-    """What the changed stack commands on the readings of a run.
+    """The commands of the changed stack on the readings of a run, compared with the recorded ones.
 
-    ``first`` [s] is when its first other command comes, None without any; ``share`` in [0, 1] that
-    of the ticks with other commands. ``reasons`` are the rules and weights that changed the most at
-    these decisions, with their share of them, the most frequent first. From ``apart`` [s] on both
-    paths are farther apart than the robot's ``radius`` [m]: from then on the images are not those
-    that it would have seen. ``complete`` is False if the recording ends before its run did.
-    ``twists`` (n, 2) are all its commands, at ``times`` (n,) [s].
+    ``first`` [s] is the time of its first other command, None if all are the same; ``share`` in [0,
+    1] is that of the ticks with other commands. ``reasons`` are the rules and weights that changed
+    the most at these decisions, with their share of them, the most frequent first. From ``apart``
+    [s] on both paths are farther apart than the robot's ``radius`` [m]: from then on the images are
+    not those that it would have seen. ``complete`` is False if the recording ends before its run
+    did. ``twists`` (n, 2) are all its commands, at ``times`` (n,) [s].
     """
 
     first: float | None
@@ -90,7 +90,7 @@ class WhatIf:
     twists: Array = field(repr=False, compare=False)
 
     def as_data(self) -> dict[str, Any]:
-        """Return all but the commands as plain data."""
+        """Return all fields but ``times`` and ``twists`` as JSON data."""
         data = asdict(self)
         return {name: value for name, value in data.items() if name not in ("times", "twists")}
 
@@ -101,9 +101,9 @@ def what_if(
     stack: str | None = None,
     rules: Sequence[Path] = (),
 ) -> WhatIf:
-    """Run the stack of a recorded run, changed, on its readings.
+    """Run the stack of a recorded run, changed, on its readings, and compare its commands.
 
-    ``overrides`` are as of ``navfw run --set``; ``stack`` is another one, by name or file; each
+    ``overrides`` are as for ``navfw run --set``; ``stack`` is another one, by name or file; each
     file of ``rules`` replaces the rule base of its name.
 
     Raises:
@@ -158,7 +158,7 @@ def what_if(
 
 
 def others(commands: Array, recorded: Array) -> Mask:
-    """Return which ``commands`` (..., 2), v [m/s] and w [rad/s], are others than those recorded."""
+    """Return which ``commands`` (..., 2), v [m/s] and w [rad/s], differ from those recorded."""
     return np.asarray((np.abs(commands - recorded) >= _OTHER).any(axis=-1))
 
 
@@ -166,7 +166,7 @@ def others(commands: Array, recorded: Array) -> Mask:
 
 
 def _recorded(run: RecordedRun) -> dict[int, dict[str, Any]]:
-    """What was recorded of each decision, by its time [ns]: rules, and why it was held."""
+    """Return rules, and why the robot was held, of each recorded decision by its time [ns]."""
     decisions: dict[int, dict[str, Any]] = {}
     for message in run.messages(topics.COMMAND, topics.RULES):
         at = decisions.setdefault(topics.nanoseconds(message.time), {})
@@ -178,7 +178,7 @@ def _recorded(run: RecordedRun) -> dict[int, dict[str, Any]]:
 
 
 def _held_at(times: Array, recorded: Mapping[int, Mapping[str, Any]]) -> list[str]:
-    """Why the recorded robot was held, at each of ``times`` [s]."""
+    """Return why the recorded robot was held, at each of ``times`` [s]; "" if it was not."""
     held, last = [], ""
     for time in times.tolist():
         at = recorded.get(topics.nanoseconds(time))
@@ -206,7 +206,7 @@ def _difference(
 
 
 def _vetoes(times: Array, held: Sequence[str], other: Sequence[str]) -> Iterator[OtherVeto]:
-    """Where one robot is ``held``, and the ``other`` at no time of that."""
+    """Yield the spans in which one robot is ``held``, and the ``other`` at no time."""
     flags = np.array([bool(reason) for reason in held], dtype=np.bool_)
     for first, last in spans(times, flags, PAUSE):
         if not any(other[first : last + 1]):
@@ -214,7 +214,7 @@ def _vetoes(times: Array, held: Sequence[str], other: Sequence[str]) -> Iterator
 
 
 def _apart(times: Array, recorded: Array, changed: Array, radius: float) -> float | None:
-    """When two robots that start together and obey these commands are ``radius`` [m] apart."""
+    """Return when two robots that start together and obey these are ``radius`` [m] apart."""
     poses = [Pose(0.0, 0.0, 0.0), Pose(0.0, 0.0, 0.0)]
     for index, (begin, end) in enumerate(pairwise(times.tolist())):
         for which, commands in enumerate((recorded, changed)):

@@ -1,4 +1,4 @@
-"""Why not: who was against another command, by which rules, and what would have given it."""
+"""Why not: find who opposed another command, by which rules, and what would have given it."""
 
 from __future__ import annotations
 
@@ -21,17 +21,18 @@ from navfw.recording.smallest_change import (
 from navfw.signals import Command, Proposal, Twist
 
 DIRECTIONS = ("left", "right", "faster", "slower", "stop")
-"""Commands that are asked for by a word, beside V,W."""
+"""Words for the command that ``why_not`` asks about, besides "V,W"."""
 
 _STOPPED = 0.02, 0.1
-"""Speed [m/s] and rate [rad/s] up to which a robot stands."""
+"""Speed [m/s] and rate [rad/s] up to which a robot counts as standing."""
 
 
 @dataclass(frozen=True, slots=True)
 class Objection:
-    """A behaviour that was against the wanted command: by how much, and by which rules.
+    """A behaviour that opposed the wanted command: by how much, and by which rules.
 
-    ``loss`` is its share of the difference in rating, ``prohibition`` in [0, 1] the command's.
+    ``loss`` is its share of the difference in rating, ``prohibition`` in [0, 1] its prohibition of
+    the wanted command.
     """
 
     behavior: str
@@ -42,11 +43,11 @@ class Objection:
 
 @dataclass(frozen=True, slots=True)
 class WhyNot:
-    """Why ``wanted`` (v, w) was not commanded at ``time`` [s], but ``commanded``.
+    """Why ``wanted`` (v [m/s], w [rad/s]) was not commanded at ``time`` [s], but ``commanded``.
 
-    ``ratings`` are those of the command and of the wanted one, out of the best of all.
-    Each of ``changes``, smallest first, would have turned the decision: that of an input, of a part
-    of a rule, and of a behaviour's weight. If there is none, ``pair`` would have together.
+    ``ratings`` are those of the command and of the wanted one, divided by the best of all. Each of
+    ``changes``, smallest first, would have turned the decision: one of an input, of a part of a
+    rule, and of a behaviour's weight. If there is none, the two of ``pair`` would have together.
     """
 
     time: float
@@ -59,7 +60,7 @@ class WhyNot:
 
 
 def why_not(moment: DecisionMoment, wanted: str) -> WhyNot:
-    """Say why ``wanted``, one of ``DIRECTIONS`` or "V,W", was not commanded.
+    """Find why ``wanted``, one of ``DIRECTIONS`` or "V,W", was not commanded.
 
     Raises:
         InputError: it is none of these, beyond what the robot can do, or what was commanded.
@@ -102,7 +103,7 @@ def turned_by(moment: DecisionMoment, wanted: str, shifts: Sequence[Shift]) -> b
 
 
 def _predicate(wanted: str, given: Twist, moment: DecisionMoment) -> Predicate:
-    """Return whether a twist is what was ``wanted`` instead of ``given``."""
+    """Return a function that says whether a command is the one ``wanted`` instead of ``given``."""
     grid = moment.mofis.commands
     turn, speed = 1.5 * float(grid.w[1] - grid.w[0]), float(grid.v[-1] - grid.v[-2])
     if wanted == "left":
@@ -138,7 +139,7 @@ def _objections(
     given: tuple[int, int],
     wanted: tuple[int, int],
 ) -> Iterator[Objection]:
-    """The behaviours against the ``wanted`` command, the strongest first."""
+    """Yield the behaviours against the ``wanted`` command, the strongest first."""
     grid = moment.mofis.commands
     twist = Twist(float(grid.v[wanted[0]]), float(grid.w[wanted[1]]))
     instead = Command(command.time, twist, command.leader, "", False, command.weights)
