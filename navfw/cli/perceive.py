@@ -1,4 +1,4 @@
-"""``navfw perceive SOURCE...``: OFFIS on recorded images: a folder, a video, image files."""
+"""``navfw perceive SOURCE...``: run OFFIS on recorded images: a folder, a video, image files."""
 
 from __future__ import annotations
 
@@ -164,7 +164,7 @@ def perceive(options: PerceiveOptions) -> None:
 
 
 def _perceive(given: PerceiveOptions, bag: Bag | None = None, own: BagInputs | None = None) -> None:
-    """Run perception on the sources that are ``given``, or on what is a ``bag``'s ``own``."""
+    """Run perception on the sources that are ``given``, or on the inputs ``own`` of a ``bag``."""
     with quiet_stdout():
         from navfw.perceive.image_sources import open_source
         from navfw.perceive.image_times import load_image_times
@@ -235,7 +235,7 @@ def _lens(
     own: BagInputs | None,
     bar: ProgressBar,
 ) -> tuple[CameraCalibration | None, float | None, LensEstimate | None]:
-    """The lens, the images' field of view [deg], and the estimate of a lens that is not given."""
+    """Return the lens, the images' field of view [deg], and an estimate of a lens not given."""
     from navfw.lenses import load_calibration
     from navfw.perceive.lens_estimate import estimate_lens
 
@@ -250,7 +250,7 @@ def _lens(
 def _results(
     perceiver: Perceiver, overlay: Path | None, page: PerceivePage | None
 ) -> Generator[PairResult]:
-    """The result of each pair of images; drawn to ``overlay`` and ``page``."""
+    """Yield the result of each pair of images; draw it to ``overlay`` and ``page``."""
     from navfw.perceive.overlay import draw, open_output
     from navfw.perceive.pair_result import as_data
 
@@ -270,7 +270,7 @@ def _results(
 def _motion_record(
     given: PerceiveOptions, own: BagInputs | None, images: ImageSource
 ) -> MotionRecord | None:
-    """The record of the camera's motion, with times since the first image."""
+    """Return the record of the camera's motion, with times since the first image."""
     from navfw.perceive.motion_record import load_gyro_record, load_pose_record
     from navfw.recording.static_frames import axes_of
 
@@ -286,7 +286,7 @@ def _motion_record(
 def _compared(
     options: PerceiverOptions, images: ImageSource, given: PerceiveOptions, bar: ProgressBar
 ) -> PerceiverOptions:
-    """The options with a record, if any, in the axes in which it turns as the images do.
+    """Return the options with a record, if any, in the axes in which it turns as the images do.
 
     That of a bag's wheels was compared before.
     """
@@ -306,7 +306,7 @@ def _compared(
 class _ResultCounter:
     """Counts results of ``perceiver`` as they pass, and shows on ``bar`` how many are done.
 
-    With the first, what is ``assumed`` is printed, what was ``known`` before included.
+    With the first result, the assumptions are printed, those ``known`` before included.
     """
 
     def __init__(self, perceiver: Perceiver, bar: ProgressBar, known: Sequence[Assumption]) -> None:
@@ -333,7 +333,7 @@ class _ResultCounter:
         return {"assumed": [one.as_data() for one in self.assumed]}
 
     def notes(self) -> list[str]:
-        """Remarks on the assumptions behind the results, and on gaps."""
+        """Return remarks on the assumptions behind the results, and on gaps."""
         notes, options = [], self._perceiver.options
         if not options.speed and not self._metric:
             zero = "--speed 0 is taken as unknown" if options.speed == 0.0 else "no --speed given"

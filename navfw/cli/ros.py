@@ -1,4 +1,4 @@
-"""``navfw ros``: the stack as a node of ROS 2, and the simulated robot as one."""
+"""``navfw ros``: run the stack as a node of ROS 2, or the simulated robot as one."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 _ROS_ARGS = "--ros-args"
 _MAP_OF_NOTHING = "empty"
 _EXPLORE, _ORIGIN, _AT_HOME = "explore", "0,0,0", 0.15
-"""The stack that explores and maps, its start, and the distance [m] at which it is back there."""
+"""The stack that explores and maps, its start, and the distance [m] at which it has returned."""
 _SENSE = "sense"
 """The stack that only perceives, for other nodes."""
 _SHARED = "/tf", "/tf_static", "/clock", "/diagnostics", "/ground_truth/odom"
@@ -42,7 +42,7 @@ def add_to(app: typer.Typer) -> None:
 
 
 class _RosCommand(TyperCommand):
-    """Leaves what follows ``--ros-args`` to ROS: remapping, parameters."""
+    """A command that leaves the words after ``--ros-args`` to ROS: remapping, parameters."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         at = args.index(_ROS_ARGS) if _ROS_ARGS in args else len(args)
@@ -209,9 +209,9 @@ def _drive(
     namespace: str | None,
     json: bool,
 ) -> NoReturn:
-    """Drive by ``stack``, and report how it ended; if it ``maps``, keep the map in ``file``.
+    """Drive by ``stack``, and report how it ended; if it ``maps``, save the map in ``file``.
 
-    One that ``senses`` is a ``SensingStack``, which publishes what it perceives.
+    A stack that ``senses`` is a ``SensingStack``, which publishes its percepts.
     """
     from navfw.ros import DriveNode, RosNode
     from navfw.ros.map_keeper import MapKeeper
@@ -244,7 +244,7 @@ def _drive(
 
 
 def _arguments(ctx: typer.Context, namespace: str | None) -> list[str]:
-    """What follows ``--ros-args``, and what puts all topics into the ``namespace``."""
+    """Return the words after ``--ros-args``, and those that put all topics into ``namespace``."""
     rules = [] if namespace is None else [f"__ns:=/{namespace.strip('/')}", *map(_own, _SHARED)]
     return [*ctx.meta[_ROS_ARGS], *(word for rule in rules for word in ("-r", rule))]
 
@@ -254,7 +254,7 @@ def _own(topic: str) -> str:
 
 
 def _load_kernels(*, quiet: bool) -> None:
-    """Compile and load what drives: the first call of each kernel would stop the robot."""
+    """Compile and load the kernels: the first call of each would otherwise stop the robot."""
     from navfw.process import listed_kernels
 
     compile_with_progress(loaded=True, quiet=quiet)
@@ -348,7 +348,7 @@ def sim(
 
 
 def _roam(node: RosNode, loaded: Session, pace: float, *, gui: bool) -> NoReturn:
-    """Be a robot without a mission until a signal."""
+    """Simulate a robot without a mission until a signal."""
     from navfw.process.interruption import interruptible
     from navfw.ros import RosPilot
 

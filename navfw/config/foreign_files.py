@@ -1,4 +1,4 @@
-"""XML files from elsewhere, with the file and line of each element."""
+"""Reads XML files from other programs, with the file and line of each element."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _FILE, _LINE = "navfw-file", "navfw-line"
 
 
 def read_xml(path: Path, what: str) -> Element:
-    """The root element of the file; each element knows its file and line.
+    """Read the root element of the file; each element knows its file and line.
 
     Raises:
         ConfigError: the file cannot be read, is too large, or not XML; the message says that
@@ -26,9 +26,9 @@ def read_xml(path: Path, what: str) -> Element:
 
 
 def parse_xml(content: bytes, name: str, what: str) -> Element:
-    """The root element of ``content``, that of the file ``name``; see ``read_xml``.
+    """Parse ``content``, that of the file ``name``, and return its root element; see ``read_xml``.
 
-    An expanded xacro file has other lines than the file.
+    The lines of an expanded xacro file are not those of the file.
     """
     parser, builder = expat.ParserCreate(), TreeBuilder()
 
@@ -62,7 +62,7 @@ def line_of(element: Element) -> int:
 
 
 def file_of(element: Element) -> Path:
-    """The file of an element."""
+    """Return the file that contains an element."""
     return Path(element.get(_FILE, ""))
 
 
@@ -75,7 +75,7 @@ def element_error(element: Element, message: str, key: str | None = None) -> Con
 def numbers_in(
     element: Element, text: str, count: int, key: str, most: float = math.inf
 ) -> list[float]:
-    """Read ``count`` numbers in a text of an element, of magnitudes below ``most``.
+    """Read ``count`` numbers, of magnitudes below ``most``, in a text of an element.
 
     Raises:
         ConfigError: it has others; the message has ``key``.

@@ -1,7 +1,7 @@
-"""OFFIS on image sequences without a robot or odometry: a folder, a video, or image files.
+"""Run OFFIS on image sequences without a robot: a folder, a video, image files, or a bag.
 
-The camera's motion is estimated from the images, with the help of what is given (a gyro's record,
-poses, the speed). Where this is not sufficient the result is "unknown".
+The camera's motion is estimated from the images, with the help of a gyro's record, poses or the
+speed if they are given. Where this is not sufficient the result is "unknown".
 """
 
 import lazy_loader

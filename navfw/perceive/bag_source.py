@@ -1,4 +1,4 @@
-"""A bag as images with times, lens and motion, and whether its camera moves as its wheels say."""
+"""Unpack a bag to images with times, lens and motion; check its camera against its wheels."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ from navfw.recording.image_messages import deep_image, ros_image
 from navfw.robot import CameraModel
 
 _MOVED = (0.05, 0.03)
-"""Way [m] or turn [rad] of the wheels after which images are compared."""
+"""Distance [m] or rotation [rad] by the wheels after which images are compared."""
 _STILL = 0.3
-"""Median flow [px] up to which nothing has moved in an image."""
+"""Median flow [px] up to which an image counts as unmoved."""
 _COMPARED = (10, 150)
 """Least and largest number of comparisons for a verdict."""
 _SHARE, _LIKE = 0.8, 0.3
@@ -41,7 +41,7 @@ _SHARE, _LIKE = 0.8, 0.3
 
 
 class BagInputs(NamedTuple):
-    """A folder of a bag's images, their ``times``, and what it knows of lens and motion."""
+    """A folder of a bag's images, their ``times``, its ``lens`` and motion ``record`` if known."""
 
     folder: Path
     times: ImageTimes
@@ -51,12 +51,12 @@ class BagInputs(NamedTuple):
 
 @contextmanager
 def unpacked_bag(bag: Bag, pitch: float = 0.0) -> Iterator[BagInputs]:
-    """The images of ``bag`` in a temporary folder, with what it knows of its camera.
+    """Write the images of ``bag`` to a temporary folder; add the bag's data on its camera.
 
     The lens is that of ``camera_info`` if it fits the images. The record has the camera's poses by
     the wheels if the images do not contradict these, turned by the gyro if there is one; the rates
-    of the gyro if there is only that. ``pitch`` [rad] is the camera's, where it is known otherwise
-    than by the bag's transforms.
+    of the gyro if there is only that. ``pitch`` [rad], nose down, is used if the bag's transforms
+    do not give the camera's.
 
     Raises:
         InputError: there are no images, or one is none.
@@ -97,7 +97,7 @@ def _lens(bag: Bag, shape: Sequence[int]) -> CameraCalibration | None:
 
 
 def _record(bag: Bag, pitch: float) -> MotionRecord | None:
-    """The camera's poses by the wheels, or the rates of the gyro; None without either."""
+    """Return the camera's poses by the wheels, or the gyro's rates; None if both are missing."""
     level = CameraModel(pitch=pitch).base_from_camera
     optical = level if bag.optical is None else bag.optical
     contradiction = camera_contradiction(bag)
@@ -118,7 +118,7 @@ def _record(bag: Bag, pitch: float) -> MotionRecord | None:
 
 
 def _poses(bag: Bag, optical: Array) -> tuple[Array, Array, Array]:
-    """Times, places and quaternions by the way of the wheels, and the turns of the gyro, if any."""
+    """Return times, places and quaternions by the wheels' distance and the gyro's turns, if any."""
     times, yaw, gyro = bag.odometry[:, 0], bag.odometry[:, 3], bag.gyro
     if len(gyro) > 1:
         middle = 0.5 * (gyro[1:, 3] + gyro[:-1, 3]) * np.diff(gyro[:, 0])
@@ -131,7 +131,7 @@ def _poses(bag: Bag, optical: Array) -> tuple[Array, Array, Array]:
 
 
 def camera_contradiction(bag: Bag) -> str:
-    """Why the camera does not move with the robot, as its flow contradicts the wheels; "" if not.
+    """Return why the camera's flow contradicts the wheels; "" if it does not.
 
     Images are compared as soon as the wheels have moved by ``_MOVED``.
     """
@@ -156,7 +156,7 @@ def camera_contradiction(bag: Bag) -> str:
 
 
 def _shift(past: TrackImage, now: TrackImage) -> tuple[float, float] | None:
-    """Median flow to the right, and its median length [px]; None where nothing is tracked."""
+    """Return the median flow to the right, and its median length [px]; None without tracks."""
     height, width = now.grey.shape
     tracks = track_points(past, now, WorkingSize(width, height, now.scale, width, height))
     flow = tracks.points - tracks.past
@@ -166,7 +166,7 @@ def _shift(past: TrackImage, now: TrackImage) -> tuple[float, float] | None:
 
 
 def _verdict(moves: Array) -> str:
-    """What rows of turn [rad], flow to the right and length of the flow [px] say."""
+    """Judge rows of rotation [rad], flow to the right and length of the flow [px]."""
     what = "the camera does not move with the robot: its flow contradicts the wheels"
     still = float((moves[:, 2] < _STILL).mean()) if len(moves) else 0.0
     if len(moves) >= _COMPARED[0] and still >= _SHARE:

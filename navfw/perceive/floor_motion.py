@@ -1,4 +1,4 @@
-"""The floor, found by its motion: a homography of known form (METHOD 2.8).
+"""Find the floor by its motion: a homography of known form (METHOD 2.8).
 
 A floor at the height h below a camera that moves by ``rotation`` and ``direction * baseline`` maps
 image points by a homography with one unknown, baseline / h, besides the camera's pitch. The past
@@ -24,19 +24,19 @@ from navfw.robot import CameraModel
 from navfw.signals import CameraMotion, FlowField
 
 NOISE = 3.0
-"""Standard deviation of the difference of two images of one surface [grey levels]."""
+"""Standard deviation of the difference of two images of the same surface [grey levels]."""
 
 SMOOTHING = 1.0
 """Standard deviation of the smoothing before images are compared [px]."""
 
 OUTSIDE = -1000.0
-"""Value of pixels that the past image does not contain."""
+"""Grey level given to pixels that the past image does not contain."""
 
 HIDDEN = 0.2
-"""Share of such pixels from which on a cell counts as not seen."""
+"""Share of such pixels from which a cell counts as not seen."""
 
 UNSEEN = 4.0
-"""Variance [NOISE^2] of a cell that is not seen: as of one that differs by twice the noise."""
+"""Variance [NOISE^2] given to a cell that is not seen: a difference of twice the noise."""
 
 
 class PlaneWarp:
@@ -52,10 +52,11 @@ class PlaneWarp:
         self._motion, self._focal, self._grid = motion, focal, grid
 
     def difference(self, normal: Array, ratio: float) -> Array:
-        """Variance (rows, cols) [NOISE^2] of what a plane leaves unexplained in each cell.
+        """Return the variance (rows, cols) [NOISE^2] that a plane leaves unexplained in each cell.
 
-        ``normal`` (3,) is the plane's unit normal, away from the camera; ``ratio`` is the baseline
-        over the distance of the plane. A difference in brightness of a whole cell does not count.
+        ``normal`` (3,) is the plane's unit normal, away from the camera, in camera axes; ``ratio``
+        is the baseline over the distance of the plane. A difference in brightness of a whole cell
+        is ignored.
         """
         height, width = self._now.shape
         direction = self._motion.translation / max(self._motion.baseline, 1e-12)
@@ -82,13 +83,13 @@ class PlaneWarp:
         return np.where(unseen, UNSEEN, variance / NOISE**2)
 
     def mean(self) -> Array:
-        """Mean grey level (rows, cols) of each cell of the current image."""
+        """Return the mean grey level (rows, cols) of each cell of the current image."""
         mean: Array = _cells_of(self._now, self._grid).mean(axis=(1, 3))
         return mean
 
 
 def _cells_of(image: npt.NDArray[np.generic], grid: tuple[int, int]) -> Array:
-    """``image`` as cells of a grid: (rows, height of a cell, cols, width of a cell)."""
+    """Reshape ``image`` to cells of a grid: (rows, height of a cell, cols, width of a cell)."""
     rows, cols = grid
     height, width = image.shape
     cells: Array = image.astype(np.float64)
@@ -107,51 +108,51 @@ _RATIOS = np.concatenate([[0.0], np.geomspace(0.02, 2.5, 28)])
 """Ratios of baseline to height that are tried; 0 is a floor too far away to move."""
 
 _ELEVATION_SIGMA = math.radians(5.0)
-"""Standard deviation of the elevation of one heading about the floor's plane."""
+"""Standard deviation of the angle between a heading and the floor's plane [rad]."""
 
 _LOW_ROWS = 0.42
-"""Share of the image's rows, from the lowest, by which ratio and pitch are chosen."""
+"""Share of the image's rows, from the lowest, that ratio and pitch are chosen by."""
 
 MIRRORED = 0.3
 """Prior probability that a cell of the floor shows the mirror image of something."""
 
 _MAX_MIRRORED = 0.5
-"""Largest nearness of a mirror image, as a share of the floor's in that cell: it is that of things
-as high above the floor as the camera, or higher."""
+"""Largest nearness of a mirror image, as a share of the floor's in that cell: mirrored objects are
+at least as high above the floor as the camera."""
 
 MIN_FALL = 0.12
-"""Least descent of a ray per depth that is below the horizon though the pitch is not exact."""
+"""Least descent of a ray per depth that counts as below the horizon, as pitches are inexact."""
 
 _MIN_GAIN = 4.0
 """Least gain in log likelihood of a moving floor over a floor that does not move."""
 
 _WALL_MARGIN = 5.0
-"""Log likelihood by which a wall in front has to explain the images better to rule a floor out."""
+"""Log likelihood by which a wall ahead must explain images better to exclude a floor."""
 
 _FITTING = 2.0
-"""Largest variance of the difference of a cell that a plane explains [NOISE^2]."""
+"""Largest variance [NOISE^2] of the difference of a cell that a plane explains."""
 
 _MIN_PROVEN = 2
 """Least number of cells whose texture moves like a floor."""
 
 _SPEED_SIGMA, _SPEED_JUMP = 0.3, 8.0
-"""Standard deviation of the logarithm of the speed about that of the pairs before, and the most
-that a jump of it costs in log likelihood."""
+"""Standard deviation of the logarithm of the speed about that of earlier pairs, and the largest
+cost of a jump of it in log likelihood."""
 
 USUAL = 0.4
-"""Largest change of the logarithm of the speed with which a floor is found without proof."""
+"""Largest change of the logarithm of the speed with which a floor is accepted without proof."""
 
 MEMORY = 9
-"""Number of pairs by whose median the speed is expected."""
+"""Number of earlier pairs whose median speed is expected."""
 
 MIN_PAIRS = 5
-"""Number of pairs with a floor after which its pitch is known, and it is expected to stay."""
+"""Number of pairs with a floor from which its pitch is known, and it is expected to stay."""
 
 _REVIEW = 5
-"""Every so many pairs all pitches are tried again."""
+"""Number of pairs after which all pitches are tried again."""
 
 ALIKE = 30.0
-"""Largest difference of the mean grey levels of two neighbouring cells of one floor."""
+"""Largest difference of the mean grey levels of neighbouring cells of the same floor."""
 
 _PROVEN, REACHED = 0.7, 0.3
 """Confidence of the floor's vectors in cells that prove it, and in the others."""
@@ -168,11 +169,11 @@ _VECTOR_SIGMA = 0.3
 
 @dataclass(frozen=True, slots=True)
 class FloorMotion:
-    """The floor between two images.
+    """The floor as seen between two images.
 
-    ``ratio`` is baseline / height, ``pitch`` [rad] that of the camera, nose down. ``cells``
-    (rows, cols) are those that show floor, ``proven`` (rows, cols) those whose texture moves like
-    it; the others are reached from these through cells that show nothing else.
+    ``ratio`` is baseline / camera height, ``pitch`` [rad] the camera's, nose down. ``cells`` (rows,
+    cols) marks cells that show floor, ``proven`` (rows, cols) those whose texture moves like it;
+    the others are reached from these through cells that show nothing else.
     """
 
     ratio: float
@@ -181,7 +182,7 @@ class FloorMotion:
     proven: Mask
 
     def apply(self, flow: FlowField, camera: CameraModel) -> FlowField:
-        """``flow`` (derotated) with the floor's vectors in the floor's cells."""
+        """Return ``flow`` (derotated) with the floor's vectors in the floor's cells."""
         shift = flow.motion.translation
         fall = camera.fall_per_depth(flow.points, self.pitch)
         nearness = self.ratio * fall / flow.motion.baseline
@@ -199,10 +200,10 @@ class FloorMotion:
 
 
 class FloorFinder:
-    """Finds the floor in the pairs of one sequence; ``pitch`` [rad] is None if it is unknown.
+    """Finds the floor in the pairs of a sequence; ``pitch`` [rad] is None if it is unknown.
 
-    ``lost`` says whether a floor that was seen before is not found in the last pair, though no
-    wall in front hides it.
+    ``lost`` is True if a floor that was seen before is not found in the last pair, though no wall
+    ahead hides it.
     """
 
     def __init__(self, camera: CameraModel, grid: tuple[int, int], pitch: float | None) -> None:
@@ -216,13 +217,13 @@ class FloorFinder:
 
     @property
     def pitch(self) -> float | None:
-        """The most likely pitch [rad]; None while there is too little evidence."""
+        """The most likely pitch [rad], nose down; None while there is too little evidence."""
         if self._pitches.size > 1 and self._pairs < MIN_PAIRS:
             return None
         return float(self._pitches[int(self._evidence.argmax())])
 
     def find(self, now: Image, past: Image, motion: CameraMotion) -> FloorMotion | None:
-        """The floor between two working images; None if it is not found."""
+        """Find the floor between two working images; None if there is none. Updates ``lost``."""
         self.lost = False
         warp = PlaneWarp(now, past, motion, self._camera.focal, self._grid)
         pitch_before = self.pitch
@@ -251,22 +252,22 @@ class FloorFinder:
         return floor
 
     def without_floor(self, flow: FlowField) -> FlowField:
-        """``flow`` without confidence where it may show the floor, or objects.
+        """Return ``flow`` with confidence 0 where it may show the floor, or objects on it.
 
-        That is below the horizon, and as far above it as the pitch may be wrong.
+        This is below the horizon, and as far above it as the pitch may be wrong.
         """
         fall = self._camera.fall_per_depth(flow.points, self.pitch or 0.0)
         return replace(flow, confidence=np.where(fall > -MIN_FALL, 0.0, flow.confidence))
 
     def _collect(self, likelihood: Array, motion: CameraMotion) -> None:
-        """Add the evidence of one pair for each pitch: images, and a heading along the floor."""
+        """Add the evidence of a pair for each pitch: of images, and a heading along the floor."""
         down = float(motion.translation[1]) / max(motion.baseline, 1e-12)
         off = (self._pitches + math.asin(min(max(down, -1.0), 1.0))) / _ELEVATION_SIGMA
         self._evidence += likelihood - likelihood.max() - 0.5 * off * off
         self._pairs += 1
 
     def _floor_score(self, warp: PlaneWarp, pitch: float) -> Array:
-        """Log likelihood (n,) of each of _RATIOS for a floor, parts of which may be glossy."""
+        """Return the log likelihood (n,) of each of _RATIOS for a floor, glossy in parts."""
         plain = self._likelihoods(warp, _level(pitch))
         mirrored = np.array(
             [plain[_MAX_MIRRORED * ratio >= _RATIOS].mean(axis=0) for ratio in _RATIOS]
@@ -275,13 +276,13 @@ class FloorFinder:
         return np.asarray(np.log(mixed).sum(axis=(1, 2)))
 
     def _likelihoods(self, warp: PlaneWarp, normal: Array) -> Array:
-        """Likelihood (n, rows, cols) of each of _RATIOS for a plane, by the same cells for all."""
+        """Return the likelihood (n, rows, cols) of each of _RATIOS for a plane, in equal cells."""
         lowest = int(_LOW_ROWS * self._grid[0])
         off = [warp.difference(normal, ratio)[-lowest:] for ratio in _RATIOS.tolist()]
         return np.asarray(1.0 / np.sqrt(1.0 + np.array(off)))
 
     def _expected(self, dt: float) -> Array:
-        """Log likelihood (n,) of _RATIOS by the speed of the pairs before."""
+        """Return the log likelihood (n,) of _RATIOS by the speed of earlier pairs."""
         if not self._speeds:
             return np.zeros(_RATIOS.size)
         usual = dt * float(np.median(self._speeds))
@@ -289,7 +290,7 @@ class FloorFinder:
         return np.asarray(-0.5 * np.minimum(off * off, 2.0 * _SPEED_JUMP))
 
     def _is_usual(self, speed: float) -> bool:
-        """Whether ``speed`` [heights/s] is about that of the pairs before."""
+        """Return whether ``speed`` [heights/s] is about that of earlier pairs."""
         if not self._speeds:
             return False
         return abs(math.log(speed / float(np.median(self._speeds)))) < USUAL
@@ -306,7 +307,7 @@ class FloorFinder:
         return FloorMotion(ratio, pitch, _spread(seeds, fits, warp.mean()), proven)
 
     def _below(self, pitch: float) -> Mask:
-        """Cells (rows, cols) below the horizon."""
+        """Return the cells (rows, cols) below the horizon."""
         rows, cols = self._grid
         y = ((np.arange(rows) + 0.5) / rows - 0.5) * self._camera.height
         fall = self._camera.fall_per_depth(np.stack([np.zeros(rows), y], axis=-1), pitch)
@@ -314,12 +315,12 @@ class FloorFinder:
 
 
 def _hidden(flow: FlowField, lines: Array, floor: Array, cells: Mask) -> Mask:
-    """Cells (rows, cols) that move like a floor of nearness ``floor``, behind an object above them.
+    """Return cells (rows, cols) that move like floor, but lie below an object that stands on it.
 
     An object stands on the floor: below it in the image there is no floor farther away. Two cells
-    of a column, other than the floor's ``cells``, have to be as near. What moves like the floor
-    then may be the object or not. ``lines`` (rows, cols, 2) are the vectors of nearness 1, to first
-    order.
+    of a column, other than the floor's ``cells``, have to be nearer than ``floor``. A cell below
+    them that moves like the floor may be the object. ``lines`` (rows, cols, 2) are the vectors of
+    nearness 1, to first order.
     """
     length = np.maximum((lines * lines).sum(axis=-1), 1e-9)
     along = (flow.vectors * lines).sum(axis=-1) / length
@@ -336,12 +337,12 @@ def _hidden(flow: FlowField, lines: Array, floor: Array, cells: Mask) -> Mask:
 
 
 def _level(pitch: float) -> Array:
-    """Unit normal (3,) of the floor, downward, in camera axes."""
+    """Return the unit normal (3,) of the floor, downward, in camera axes."""
     return np.array([0.0, math.cos(pitch), math.sin(pitch)])
 
 
 def _peak(scores: Array) -> float:
-    """The best of _RATIOS above 0, refined by a parabola through the best three."""
+    """Return the best of _RATIOS above 0, refined by a parabola through the best three."""
     k = min(max(int(np.argmax(scores[1:])) + 1, 2), len(scores) - 2)
     before, top, after = scores[k - 1 : k + 2].tolist()
     curve = before - 2.0 * top + after
@@ -350,7 +351,7 @@ def _peak(scores: Array) -> float:
 
 
 def _spread(seeds: Mask, fits: Mask, mean: Array) -> Mask:
-    """``seeds`` and all cells that are reached from them over cells that fit and look alike."""
+    """Return ``seeds`` and all cells reached from them over cells that fit and look alike."""
     spread = seeds
     while True:
         grown = spread.copy()

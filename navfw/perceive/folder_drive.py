@@ -1,7 +1,8 @@
-"""A drive in a folder: images, ``gyro.csv``, ``wheels.csv``, and ``times.csv`` if need be.
+"""Read a drive from a folder: images, ``gyro.csv``, ``wheels.csv``, and ``times.csv`` if need be.
 
 The tables are those of ``navfw perceive --gyro`` and ``--times``; that of the wheels has the time
-and the angles ``left`` and ``right`` [rad]. Both count time as the images do, or from the first.
+and the angles ``left`` and ``right`` [rad]. Both have the clock of the images, or count from the
+first image.
 """
 
 from __future__ import annotations
@@ -25,15 +26,15 @@ _NEEDED = {
     "gyro": f"a gyro: there is no {_GYRO} (time [s], yaw_rate [rad/s])",
     "wheels": f"wheels: there is no {_WHEELS} (time [s], left, right: angles [rad])",
 }
-"""What a folder lacks without each of the tables."""
+"""What is said of a folder in which this table is missing."""
 _SIDES = ("left", "right")
 _ANGLES = TableFormat((TIME, *_SIDES), 3, TIME_NAMES | {side: side for side in _SIDES})
 
 
 class FolderDrive:
-    """What the sensors in ``path`` measured, as of a ``Bag``; for a single iteration.
+    """The sensor data in the folder ``path``, with the attributes of a ``Bag``; iterable once.
 
-    ``lacking`` says which tables a map needs that are missing.
+    ``lacking`` says which tables are missing that a map needs.
 
     Raises:
         InputError: a table is wrong, there are no images, or their times are not known.
@@ -69,7 +70,7 @@ class FolderDrive:
         self.duration = max(self._images.duration, float(self.joints[-1:, 0].sum()))
 
     def each_image(self) -> Generator[BagImage]:
-        """The images in the order of their times."""
+        """Yield the images in the order of their times."""
         for item in self._images:
             height, width = item.image.shape[:2]
             fields = {"encoding": "bgr8", "height": height, "width": width, "step": 3 * width}

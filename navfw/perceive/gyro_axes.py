@@ -1,4 +1,4 @@
-"""Whether a record turns as the camera does, and in which axes it would."""
+"""Check whether a motion record turns as the camera does, and find the axes in which it would."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from navfw.perceive.perceiver_options import PerceiverOptions, WorkingSize
 from navfw.recording.static_frames import agreeing_axes, assumed_axes, axes_text
 
 _TURNS = (0.02, 0.2)
-"""Turn [rad] between the images of a pair from which on they are compared, and largest one."""
+"""Rotation [rad] between the images of a pair from which they are compared, and the largest."""
 _COMPARED = (8, 40)
 """Least and largest number of pairs for a verdict."""
 _DISAGREES = 0.3
@@ -32,7 +32,7 @@ _APART = 0.3
 def turns_seen(
     record: MotionRecord, images: ImageSource, options: PerceiverOptions, tick: Callable[[], None]
 ) -> tuple[Array, Array]:
-    """Turns (n, 3) [rad] about ahead, left and up of pairs of images: seen, and by the record."""
+    """Return rotations (n, 3) [rad] of pairs about ahead, left, up: as seen, and by the record."""
     seen, measured = list[Array](), list[Array]()
     past: tuple[float, TrackImage] | None = None
     pixels = 0
@@ -74,7 +74,7 @@ def compared(
     given: bool,
     tick: Callable[[], None] = lambda: None,
 ) -> MotionRecord:
-    """The ``record`` in the axes in which it turns as the camera of ``images`` does.
+    """Return ``record`` in the axes in which it rotates as the camera of ``images`` does.
 
     These are assumed, and replace what it assumed of axes; if its axes are ``given``, or none
     agree, there is a note. Without any agreement nothing counts as measured.

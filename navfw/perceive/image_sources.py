@@ -1,4 +1,4 @@
-"""Image sequences: a folder, a video file, or image files in natural order."""
+"""Read image sequences: a folder, a video file, or image files in natural order."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ FRAME_RATE = 10.0
 FRAME_RATES = (0.01, 10_000.0)
 """Least and largest frame rate [1/s]."""
 _ONE_THREAD = (cv2.CAP_PROP_N_THREADS, 1)
-"""Other threads of a decoder write messages when nobody listens."""
+"""Limits decoders to one thread: others write messages that are not caught."""
 _FRAME_SIZE = (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
 _MIN_RATE = 5.0
-"""Frame rate [1/s] below which what a file says is doubted: cameras that move take more."""
+"""Frame rate [1/s] below which a file's value is doubted: moving cameras record faster."""
 _FEW_FRAMES = 5
 """Frames by which a container's length may be wrong: it is an estimate."""
 
@@ -47,14 +47,14 @@ IMAGES = frozenset(
     {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".pnm", ".webp"}
     | {".heic", ".heif", ".hif", ".avif"}
 )
-"""Suffixes of image files; those of HEIC and AVIF are refused one by one, with what to do."""
+"""Suffixes of image files; files of HEIC and AVIF are refused with a hint."""
 _VIDEOS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".wmv"})
 """Suffixes of video files."""
 _STREAMS = frozenset({".h264", ".264", ".h265", ".265", ".hevc", ".mjpeg", ".mjpg"})
 """Suffixes of encoded frames alone: what a decoder says of their rate is its own guess."""
 MAX_GAP = 0.5
-"""Time without an image [s] after which images are not compared with those before, unless images
-are so rare that it is less than ``_GAP_STEPS`` of their usual interval."""
+"""Time [s] without an image after which images are not compared with those before, unless it is
+less than ``_GAP_STEPS`` of the usual interval."""
 _GAP_STEPS = 3.5
 _SAMPLES = 9  # number of images from which the range of pixels of more than 8 bits is found
 _NAMED = 3  # number of things of a kind that a note names
@@ -62,9 +62,9 @@ _NAMED = 3  # number of things of a kind that a note names
 
 @dataclass(frozen=True, slots=True)
 class SourceImage:
-    """One image of a source: ``image`` (height, width, 3) uint8 BGR, at ``time`` [s].
+    """An image of a source: ``image`` (height, width, 3) uint8 BGR, at ``time`` [s].
 
-    ``after_gap``: the time since the image before it is too long for comparing the two.
+    ``after_gap`` is True if the image before it is too old for comparing the two.
     """
 
     name: str
@@ -74,16 +74,14 @@ class SourceImage:
 
 
 class ImageSource:
-    """Images of one size, the usual one, in the order of time, for a single iteration.
+    """Images of the most frequent size in the order of time, to be iterated once.
 
-    ``rate`` [1/s] is the usual frame rate, assumed unless ``rate_known``; ``total`` the number of
-    images, 0 if unknown; ``duration`` [s] the time from the first to the last, inf if unknown;
-    ``start`` [s] the time of the first image where the names of the files or a list give it, else
-    None.
-    ``notes`` are remarks for the user: irregularities found while reading; ``assumed`` what was
-    chosen for them. With a
-    ``calibration``, images are without lens distortion, and ``hfov`` [rad] is their horizontal
-    field of view from the first image on; otherwise it is None.
+    ``rate`` [1/s] is the usual frame rate, assumed if ``rate_known`` is False; ``total`` the number
+    of images, 0 if unknown; ``duration`` [s] the time from the first to the last, inf if unknown;
+    ``start`` [s] the time of the first image if the names of the files or a list give it, else
+    None. ``notes`` are remarks for the user, on irregularities found while reading; ``assumed`` the
+    choices made for them. With a ``calibration``, images are without lens distortion, and ``hfov``
+    [rad] is their horizontal field of view from the first image on; otherwise it is None.
     """
 
     def __init__(
@@ -101,7 +99,7 @@ class ImageSource:
         self._calibration = calibration
 
     def __iter__(self) -> Iterator[SourceImage]:
-        """The images.
+        """Yield the images; times count from the first one.
 
         Raises:
             InputError: an image cannot be read, there are fewer than two of one size, or the
@@ -178,7 +176,7 @@ class _Files(ImageSource):
         return self._named
 
     def _items(self) -> Iterator[SourceImage]:
-        """The readable images; the others are left out, as long as there are two."""
+        """Yield the readable images; the others are left out, if at least two remain."""
         broken: list[InputError] = []
         shapes = Counter(sample.shape for sample in self._samples())
         self._shape = shapes.most_common(1)[0][0] if shapes else None
@@ -199,7 +197,7 @@ class _Files(ImageSource):
             self.notes.append(what)
 
     def _in_8_bits(self, image: DeepImage) -> Image:
-        """``image``, scaled by the least number of bits that holds the samples of the sequence.
+        """Scale ``image`` by the least number of bits that holds the samples of the sequence.
 
         Pixels of other images that are brighter are cut off.
         """
@@ -216,7 +214,7 @@ class _Files(ImageSource):
         return np.asarray(np.minimum(image, white) >> (self._bits - 8), dtype=np.uint8)
 
     def _samples(self) -> Iterator[DeepImage]:
-        """Readable images spread over the sequence."""
+        """Yield readable images spread over the sequence."""
         steps = np.linspace(0, len(self._paths) - 1, min(_SAMPLES, len(self._paths)))
         for k in sorted({round(step) for step in steps.tolist()}):
             with contextlib.suppress(InputError):  # reported when it is its turn
@@ -224,7 +222,7 @@ class _Files(ImageSource):
 
 
 class _Video(ImageSource):
-    """A video; telephones turn theirs by a flag, which is obeyed."""
+    """A video; it is turned upright if its file says so, as those of telephones."""
 
     def __init__(
         self, path: Path, fps: float | None, calibration: CameraCalibration | None
@@ -290,7 +288,7 @@ class _Video(ImageSource):
             self.notes.append(f"the video is damaged: {what}, {where}")
 
     def _time(self, count: int, stamp: float, last: float) -> float:
-        """Time [s] of frame ``count``; by the rate if it was given or the ``stamp`` is of no use.
+        """Return the time [s] of frame ``count``; by the rate if given, or ``stamp`` is unusable.
 
         A usable stamp comes after ``last``, the frame before, by less than a whole video.
         """
@@ -302,7 +300,7 @@ class _Video(ImageSource):
 
 
 def assumed_rate(rate: float, reason: str) -> Assumption:
-    """That there are so many images a second."""
+    """Return the assumption of ``rate`` images per second, for ``reason``."""
     return Assumption("frame rate", f"{rate:g} images a second", reason, "--fps, --times")
 
 
@@ -312,7 +310,7 @@ def open_source(
     calibration: CameraCalibration | None = None,
     listed: ImageTimes | None = None,
 ) -> ImageSource:
-    """The images in ``paths``: one folder, one video, or image files.
+    """Open the images in ``paths``: one folder, one video, or image files.
 
     Image files are read in natural order (``image_2`` before ``image_10``), unless ``paths`` is not
     sorted alphabetically: then its order is kept. ``fps`` [1/s] overrides the frame rate of a video
@@ -367,12 +365,12 @@ def _images_in(folder: Path) -> list[Path]:
 
 
 def _read(path: Path) -> DeepImage:
-    """The image in a file, upright by its EXIF data, with 8 or 16 bits."""
+    """Read the image in a file, upright by its EXIF data, with 8 or 16 bits."""
     return read_image(path, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)
 
 
 def _listed(things: Sequence[str]) -> str:
-    """The first of ``things``, and how many more there are."""
+    """Return the first of ``things``, and how many more there are."""
     more = [f"and {len(things) - _NAMED} more"] if len(things) > _NAMED else []
     return "; ".join([*things[:_NAMED], *more])
 

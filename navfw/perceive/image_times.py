@@ -1,4 +1,4 @@
-"""Order and times of image files: by a list, or by their names."""
+"""Find order and times of image files: by a list, or by their names."""
 
 from __future__ import annotations
 
@@ -30,18 +30,19 @@ _STAMP = re.compile(
     r"(?<![0-9.])(?:(?P<sec>[1-9][0-9]{9})[_-](?P<nsec>[0-9]{9})|(?P<decimal>[0-9]{1,12}\.[0-9]+)"
     r"|(?P<whole>[1-9][0-9]{9,18}))(?![0-9])"
 )
-"""A time in a name: seconds and nanoseconds, seconds with decimals, or 10 to 19 digits."""
+"""Matches a time in a name: seconds and nanoseconds, decimal seconds, or 10 to 19 digits."""
 _UPTIME = 1e8
 """Longest time since power-on [s]: three years."""
 _INTERVALS = (0.002, 2.0)
-"""Usual intervals of images [s], by which the unit of times since power-on is known."""
+"""Usual intervals of images [s], from which the unit of times since power-on follows."""
 
 
 @dataclass(frozen=True, slots=True)
 class ImageTimes:
-    """``times`` [s] of images, ascending; ``by_name`` those of named images, empty without names.
+    """Ascending ``times`` [s] of images; ``by_name`` those by file name, {} without names.
 
-    ``file`` is the list that they were read from; ``assumed`` what it does not say.
+    ``file`` is the list that they were read from; ``assumed`` what was chosen as it does not say
+    it.
     """
 
     file: str
@@ -50,7 +51,7 @@ class ImageTimes:
     assumed: tuple[Assumption, ...] = ()
 
     def of(self, paths: Sequence[Path]) -> list[float]:
-        """The times [s] of images, in their order.
+        """Return the times [s] of the images in ``paths``, in their order.
 
         Raises:
             InputError: an image is not in the list, there are more or fewer times than images, or
@@ -75,10 +76,10 @@ class ImageTimes:
 
 
 def load_image_times(path: Path) -> ImageTimes:
-    """Read a table of a time [s] and, if known, the image's file in each row.
+    """Read a table with a time [s] and, if known, the image's file in each row.
 
     A header may name the columns, ``time`` (with a unit such as ``time_ms``) and ``file``, among
-    others. Of a file's path only the name counts.
+    others. Of a file's path only the name is used.
 
     Raises:
         InputError: the file is no such table, or a time is no number or does not come after the one
@@ -100,7 +101,7 @@ def load_image_times(path: Path) -> ImageTimes:
 
 
 def natural_key(path: Path) -> list[tuple[int, int, str]]:
-    """Sort key of file names that compares the numbers in them by value."""
+    """Return a sort key of file names by which the numbers in them are ordered by value."""
     return [
         (0, int(run), run) if run.isdigit() else (1, 0, run.lower())
         for run in re.split(r"([0-9]+)", path.name)
@@ -109,7 +110,7 @@ def natural_key(path: Path) -> list[tuple[int, int, str]]:
 
 
 def times_in_names(paths: Sequence[Path]) -> list[float] | None:
-    """Times [s] by the names of files if each has one time stamp, otherwise None.
+    """Read times [s] from the names of files if each has one time stamp, otherwise return None.
 
     Stamps are seconds with decimals, or milli-, micro- or nanoseconds since 1970 or power-on. There
     may be words around them, and numbers that are the same in all names.
@@ -142,7 +143,7 @@ def times_in_names(paths: Sequence[Path]) -> list[float] | None:
 
 
 def _usual_unit(numbers: Array) -> float | None:
-    """The unit [s] in which ``numbers`` (n,) are times of images since power-on, if any."""
+    """Return the unit [s] in which ``numbers`` (n,) are times since power-on; None if none."""
     interval = float(np.median(np.diff(numbers)))
     units = (1e-3, 1e-6, 1e-9)
     usual = (u for u in units if _INTERVALS[0] <= interval * u < _INTERVALS[1])
@@ -150,7 +151,7 @@ def _usual_unit(numbers: Array) -> float | None:
 
 
 def require_order(paths: Sequence[Path]) -> None:
-    """Refuse numbered files that are neither in the order of their numbers nor in the reverse.
+    """Raise if numbered files are neither in the order of their numbers nor in the reverse.
 
     Files whose names differ in more than numbers may come in any order, if each number comes once.
 

@@ -1,9 +1,9 @@
-"""The lens of a camera, estimated from a sequence of images where nobody gave it.
+"""Estimate the lens of a camera from a sequence of images if it is not given.
 
 Pairs of images spread over the sequence are tracked, and focal length and distortion are fitted to
-them (``navfw.perceive.lens_fit``). What they determine well is used, the rest stays assumed. The
-standard deviations are those of a jackknife over blocks of pairs, with a floor for what all pairs
-have in common, such as an eccentric principal point or a rolling shutter.
+them (``navfw.perceive.lens_fit``). Parameters that they determine well are used, others stay
+assumed. The standard deviations are those of a jackknife over blocks of pairs, with a lower limit
+for errors that all pairs have in common, such as an eccentric principal point or a rolling shutter.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from navfw.perceive.pair_motion import TrackImage, track_points
 from navfw.perceive.perceiver_options import HFOV, WorkingSize
 
 _LOOKED_AT = 120
-"""Number of pairs that are looked at."""
+"""Number of pairs that are tracked."""
 _MAX_PAIRS = 100
 """Largest number of pairs that are used."""
 MAX_PIXELS = 600_000_000
@@ -34,8 +34,8 @@ MAX_PIXELS = 600_000_000
 MIN_POINTS = 60
 """Least number of points of a pair."""
 FLOW, MIN_FLOW = 0.1, 0.01
-"""Median flow of a pair that the distance between its images aims at, and least one, as shares of
-the image's width."""
+"""Median flow of a pair that the distance between its images aims at, and the least one, as shares
+of the image's width."""
 _MAX_PAIR = 15
 """Largest distance between the images of a pair [images]."""
 
@@ -43,10 +43,10 @@ _MAX_PAIR = 15
 def lens_pairs(
     images: ImageSource, tick: Callable[[], None]
 ) -> tuple[list[PointMotion], tuple[int, int]]:
-    """Pairs with enough points and flow, and the images' size (width, height) [px].
+    """Track pairs with enough points and flow; also return the images' size (width, height) [px].
 
-    Images are read up to the first that is no good, which is reported when it is its turn;
-    ``tick`` is called after each.
+    Images are read up to the first that is unreadable, which the next reader reports; ``tick`` is
+    called after each.
     """
     pairs: list[PointMotion] = []
     earlier: deque[TrackImage] = deque(maxlen=_MAX_PAIR)
@@ -76,7 +76,7 @@ def _add_pair(
     size: WorkingSize,
     stride: int,
 ) -> int:
-    """Track points to the image ``stride`` before ``now``; the stride of the next pair."""
+    """Track points to the image ``stride`` before ``now``; return the stride of the next pair."""
     apart = min(stride, len(earlier))
     tracks = track_points(earlier[-apart], now, size)
     if len(tracks.points) < MIN_POINTS:
@@ -94,7 +94,7 @@ BLOCKS = 5
 """Number of blocks of the jackknife."""
 _FOCAL_FLOOR, _CURVATURE_FLOOR, _BORDER_FLOOR = 0.05, 0.05, 0.01
 """Least standard deviations of the focal length, relative to it, of the curvature, and of the
-distortion at the border: on recordings with known lenses the estimates are off by as much."""
+distortion at the border: the errors of estimates on recordings with known lenses."""
 _MIN_BEND = 0.015
 """Least bend of the rotational flow at the border that determines a focal length, relative to the
 image's width: without rotation every focal length explains the images."""
@@ -109,7 +109,7 @@ SURE = 3.0
 
 @dataclass(frozen=True, slots=True)
 class LensEstimate:
-    """What a sequence says about its lens; ``size`` (width, height) [px] of the images.
+    """The lens estimated from a sequence; ``size`` (width, height) [px] is that of the images.
 
     ``shape`` is the fitted lens, None if nothing is well determined; ``focal_sigma`` is relative to
     the focal length, 0 if that was given, and ``curvature_sigma`` that of the curvature, which is 0
@@ -128,9 +128,9 @@ class LensEstimate:
         return None if self.shape is None else self.shape.view(0.5 * self.size[0])
 
     def known_hfov(self, assigned: float | None) -> float | None:
-        """The field of view [deg] of the images: ``assigned`` or estimated, None if it is unknown.
+        """Return the images' field of view [deg]: ``assigned`` or estimated; None if unknown.
 
-        It is None, too, where the calibration gives it.
+        It is None, too, if ``calibration`` is not None, which then contains it.
         """
         if self.calibration is not None:
             return None
@@ -153,7 +153,7 @@ class LensEstimate:
         )
 
     def as_data(self) -> dict[str, float | int | None]:
-        """The estimate as plain data; None for what was given or is not well determined."""
+        """Return the estimate as JSON data; None for values given or not well determined."""
         data: dict[str, float | int | None] = dict.fromkeys(
             ("focal_px", "focal_sigma_px", "hfov_deg", "curvature", "curvature_sigma")
         )
@@ -168,7 +168,7 @@ class LensEstimate:
 
 
 def estimate_line(lens: LensEstimate) -> str:
-    """What was estimated of the lens, in one line."""
+    """Format the estimate of the lens as a line of text."""
     data = lens.as_data()
     if lens.shape is None:
         what = "nothing about the lens"
@@ -187,7 +187,7 @@ def estimate_line(lens: LensEstimate) -> str:
 def estimate_lens(
     images: ImageSource, hfov: float | None, tick: Callable[[], None] = lambda: None
 ) -> LensEstimate:
-    """The lens of the camera that took ``images``; ``hfov`` [deg] is its field of view if known.
+    """Estimate the lens that took ``images``; ``hfov`` [deg] is its field of view if known.
 
     ``tick`` is called after each image and each fit. Images are read up to the first bad one.
     Focal length and curvature are correlated: the simplest lens that the images do not contradict
@@ -225,7 +225,7 @@ def estimate_lens(
 def _jackknife(
     fit: LensFit, start: LensShape, count: int, half: float
 ) -> tuple[LensShape, list[float]]:
-    """The lens of ``fit`` near ``start``, and the standard deviations of its numbers.
+    """Return the lens of ``fit`` near ``start``, and the standard deviations of its parameters.
 
     These are the logarithm of the focal length, the curvature, and the distortion at the border.
     The fit is repeated without each block of its ``count`` pairs.

@@ -1,9 +1,9 @@
-"""Focal length and distortion of a lens that make tracked points obey one motion in each pair.
+"""Fit focal length and distortion so that tracked points obey one motion in each pair.
 
 With a wrong lens the epipolar residuals of turning pairs grow: their flow is not that of a
 rotation. The parameters are fitted to the residuals of all pairs by robust least squares; each
 pair's motion is fitted anew for every trial (variable projection). Residuals are in pixels of the
-image as it was taken, so that stretching it costs nothing.
+original image, so that stretching it costs nothing.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ CAUCHY = 2.385
 """Width of the robust cost [sigma]."""
 
 VIEWS = (55.0, 75.0, 95.0, 120.0)
-"""Horizontal fields of view that the search begins with [deg]."""
+"""Horizontal fields of view [deg] with which the search begins."""
 
 _BENDS = (0.0, 0.5, 1.0)
-"""Curvatures that it begins with."""
+"""Curvatures with which it begins."""
 
 _SEARCHED = 16
 """Number of pairs of the first search."""
@@ -46,7 +46,7 @@ _MIN_STRETCH = 0.3
 """Least factor by which straightening changes a standard deviation."""
 
 BEHIND = 10.0
-"""Residual [sigma] of a point that a motion takes behind the camera."""
+"""Residual [sigma] given to a point that a motion moves behind the camera."""
 
 _FREE = np.eye(3) / FREE_TURN**2
 _ANYWHERE = np.array([0.0, 0.0, 1.0]), np.zeros((3, 3))
@@ -78,7 +78,7 @@ class LensFit:
         self._motions: list[Motion] = []
 
     def start(self) -> LensShape:
-        """The lens of the first search with the least cost."""
+        """Return the lens of least cost among those of the first search."""
         few = self._pairs[:: max(len(self._pairs) // _SEARCHED, 1)]
         views = VIEWS if self._view is None else (math.degrees(self._view),)
         bends = _BENDS if self._curvature is None else (self._curvature,)
@@ -91,7 +91,7 @@ class LensFit:
         return shapes[int(np.argmin([np.log1p(ratio * ratio).sum() for ratio in off]))]
 
     def refined(self, start: LensShape, left_out: slice | None = None) -> LensShape:
-        """The lens of least cost near ``start``; without the pairs of ``left_out``.
+        """Return the lens of least cost near ``start``, without the pairs of ``left_out``.
 
         The motions are searched for anew unless pairs are left out: the lens is then near to that
         of all pairs, which was refined before.
@@ -132,9 +132,9 @@ class LensFit:
         return self._shape(np.asarray(solution.x))
 
     def bend(self, shape: LensShape) -> float:
-        """How much the flow of the pairs' rotations is bent at the left and right border [px].
+        """Return how much rotational flow is bent at the left and right border [px].
 
-        This is what determines the focal length: the root mean square of the difference between the
+        This determines the focal length: the root mean square of the difference between the
         rotational flow there and in the middle of the image.
         """
         turns = np.array([rotation_vector(rotation)[:2] for rotation, _ in self._motions])
@@ -142,7 +142,7 @@ class LensFit:
         return turn * self._half**2 / shape.focal
 
     def _shape(self, values: Array) -> LensShape:
-        """The lens with the ``values`` of the free parameters."""
+        """Return the lens with the ``values`` of the free parameters."""
         curvature = float(values[-1]) if self._curvature is None else self._curvature
         if self._view is not None:
             return LensShape(focal_for(self._half, 0.5 * self._view, curvature), curvature)
@@ -161,7 +161,7 @@ def _first_motions(pairs: Sequence[PointMotion], shape: LensShape) -> list[Motio
 
 
 def _residuals(pairs: Sequence[PointMotion], shape: LensShape, motions: Sequence[Motion]) -> Array:
-    """Epipolar residuals [sigma] of the points of all pairs, each at its best motion."""
+    """Return the epipolar residuals [sigma] of the points of all pairs, each at its best motion."""
     return np.concatenate(
         [_pair_residuals(pair, shape, motion) for pair, motion in zip(pairs, motions, strict=True)]
     )

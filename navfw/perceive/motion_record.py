@@ -1,4 +1,4 @@
-"""Recorded motion of the camera: gyro rates, or poses in the format of the TUM RGB-D benchmark."""
+"""Read recorded motion of the camera: gyro rates, or poses in the format of TUM RGB-D."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _GYRO = TableFormat(
     | _BY_AXIS,
 )
 _EUROC = {"p_rs_r": "t", "q_rs": "q"}
-"""Names in the ground truth of EuRoC, which is that of the IMU."""
+"""Prefixes in EuRoC's ground truth, which is that of the IMU, and those used here."""
 _POSITION, _QUATERNION = ("tx", "ty", "tz"), ("qx", "qy", "qz", "qw")
 _POSES = TableFormat(
     columns=(TIME, *_POSITION, *_QUATERNION),
@@ -45,12 +45,12 @@ _POSES = TableFormat(
     units=LENGTH_UNITS,
 )
 _MAX_RATE = 10.0
-"""Largest rate [rad/s]: a camera that turns faster sees nothing but blur, so larger values have
+"""Largest rate [rad/s]: images of a camera that turns faster are blurred, so larger values have
 another unit."""
 _MIN_DURATION = 10.0  # s
 _MAX_TILT = 0.5 * math.pi
-"""Net pitch and roll [rad] of a record of at least ``_MIN_DURATION`` that no camera has: beyond,
-its mean rate is the gyro's offset."""
+"""Net pitch and roll [rad], in at least ``_MIN_DURATION``, beyond which a record's mean rate is its
+gyro's offset."""
 _NORM = (0.98, 1.02)
 """Norms of a quaternion that was rounded when it was written."""
 _MAX_COORDINATE = 1e6
@@ -61,7 +61,7 @@ _GAP_STEPS = 2.5
 """Longest gap, in usual intervals."""
 _SLACK = 0.2  # part of the longest gap: half the usual interval
 _MAX_RECORDING = 86_400.0
-"""Longest recording [s], where its length is unknown: a day."""
+"""Longest recording [s], if its length is unknown: a day."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,9 +69,9 @@ class MotionRecord(ABC):
     """A record of the camera's rotation, in ascending order of ``times`` (n,) [s].
 
     ``longest_gap`` [s] is the largest interval between neighbouring samples of a continuous record.
-    ``axes`` (3, 3) are those of its sensor, as columns, in ahead, left and up. ``measured`` names
-    the rates of rotation that it has. ``notes`` are remarks for the user, ``assumed`` what was
-    chosen for them. ``file`` and ``option`` name the record in messages, ``source`` says what
+    The columns of ``axes`` (3, 3) are its sensor's axes in ahead, left and up. ``measured`` names
+    the rates of rotation that it has. ``notes`` are remarks for the user, ``assumed`` the choices
+    made for them. ``file`` and ``option`` name the record in messages, ``source`` says what
     measured it.
     """
 
@@ -88,11 +88,11 @@ class MotionRecord(ABC):
     file: str = ""
 
     def turned(self, axes: Array) -> Self:
-        """The record as it is if what it takes for ahead, left and up are these axes (3, 3)."""
+        """Return the record if its present ahead, left and up are these ``axes`` (3, 3)."""
         return replace(self, axes=axes @ self.axes)
 
     def without_offsets(self) -> Self:
-        """The record without errors of its sensor that are certain."""
+        """Return the record without errors of its sensor that are certain."""
         return self
 
     @abstractmethod
@@ -110,7 +110,7 @@ class MotionRecord(ABC):
         return None
 
     def _span(self, begin: float, end: float, slack: float) -> slice | None:
-        """The samples around the time from ``begin`` to ``end`` [s].
+        """Return the samples around the time from ``begin`` to ``end`` [s].
 
         None if there is a gap, or the record begins or ends more than ``slack`` [s] within it.
         """
@@ -124,9 +124,9 @@ class MotionRecord(ABC):
         return span if float(np.diff(self.times[span]).max()) <= self.longest_gap else None
 
     def on_clock_of(self, images: ImageSource) -> Self:
-        """The record with times since the first of the ``images``.
+        """Return the record with times that count from the first of the ``images``.
 
-        Its times are on the clock of the images' names or list where these overlap, otherwise they
+        Its times are on the clock of the images' names or list if these overlap, otherwise they
         already count from the first image.
 
         Raises:
@@ -154,7 +154,7 @@ class MotionRecord(ABC):
 
 @dataclass(frozen=True, slots=True)
 class GyroRecord(MotionRecord):
-    """``rates`` (n, 3) [rad/s] are roll, pitch, yaw; those that are not measured are 0."""
+    """``rates`` (n, 3) [rad/s] about roll, pitch, yaw; rates that are not measured are 0."""
 
     option: ClassVar[str] = "--gyro"
     source: ClassVar[str] = "gyro"
@@ -162,7 +162,7 @@ class GyroRecord(MotionRecord):
     rates: Array
 
     def turned(self, axes: Array) -> Self:
-        """See ``MotionRecord``; an axis is measured if that is which now points there."""
+        """See ``MotionRecord``; a rate is measured if that of the axis that now points there is."""
         names = list(reversed(RATES))
         sources = np.abs(axes).argmax(axis=1).tolist()
         known = (names[k] for k, n in enumerate(sources) if names[n] in self.measured)
@@ -170,7 +170,7 @@ class GyroRecord(MotionRecord):
         return replace(self, axes=axes @ self.axes, rates=rates, measured=measured)
 
     def without_offsets(self) -> Self:
-        """The record without the offsets of roll and pitch that are certain, with notes on them."""
+        """Return the record without certain offsets of roll and pitch, with notes on them."""
         duration, rates, notes = float(self.times[-1] - self.times[0]), self.rates.copy(), []
         for axis, name in ((0, "roll"), (1, "pitch")):
             offset = float(rates[:, axis].mean())
@@ -180,7 +180,7 @@ class GyroRecord(MotionRecord):
         return replace(self, rates=rates, notes=(*self.notes, *notes))
 
     def rotation_between(self, begin: float, end: float) -> Array | None:
-        """The rates, integrated from ``begin`` to ``end`` [s]; see ``MotionRecord``."""
+        """Integrate the rates from ``begin`` to ``end`` [s]; see ``MotionRecord``."""
         if self._span(begin, end, self.longest_gap) is None:
             return None
         inside = self.times[(self.times > begin) & (self.times < end)]
@@ -191,7 +191,7 @@ class GyroRecord(MotionRecord):
 
 @dataclass(frozen=True, slots=True)
 class PoseRecord(MotionRecord):
-    """``places`` (n, 3) [m] are the camera's positions in the world.
+    """Poses of the camera: ``places`` (n, 3) [m] are its positions in the world.
 
     ``quaternions`` (n, 4), as x, y, z, w, rotate from camera_optical (x right, y down, z forward)
     to the world, ``axes`` from there to base_link.
@@ -204,7 +204,7 @@ class PoseRecord(MotionRecord):
     quaternions: Array
 
     def rotation_between(self, begin: float, end: float) -> Array | None:
-        """The rotation from one interpolated pose to the other; see ``MotionRecord``."""
+        """Return the rotation between interpolated poses; see ``MotionRecord``."""
         poses = self.poses_at(begin, end)
         if poses is None:
             return None
@@ -212,7 +212,7 @@ class PoseRecord(MotionRecord):
         return np.asarray(self.axes @ turn.as_rotvec())
 
     def translation_between(self, begin: float, end: float) -> Array | None:
-        """The way from one interpolated pose to the other; see ``MotionRecord``."""
+        """Return the displacement between interpolated poses; see ``MotionRecord``."""
         poses = self.poses_at(begin, end)
         if poses is None:
             return None
@@ -220,10 +220,9 @@ class PoseRecord(MotionRecord):
         return np.asarray(self.axes @ turns[0].inv().apply(places[1] - places[0]))
 
     def poses_at(self, *wanted: float) -> tuple[Array, Rotation] | None:
-        """Places (n, 3) [m] and rotations from camera_optical to the world at n times [s].
+        """Interpolate places (n, 3) [m] and rotations, camera_optical to world, at n times [s].
 
-        They are interpolated. None if the record does not cover all of the time from the first to
-        the last of them.
+        None if the record does not cover all of the time from the first to the last of them.
         """
         # the nearest pose will do for an image just before the first pose, or just after the last
         span = self._span(min(wanted), max(wanted), _SLACK * self.longest_gap)
@@ -236,7 +235,7 @@ class PoseRecord(MotionRecord):
 
 
 def longest_gap(times: Array) -> float:
-    """The largest interval [s] of a continuous record with samples at ``times`` (n,) [s]."""
+    """Return the largest interval [s] of a continuous record with samples at ``times`` (n,) [s]."""
     return _GAP_STEPS * float(np.median(np.diff(times)))
 
 

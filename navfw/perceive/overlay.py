@@ -1,4 +1,4 @@
-"""Overlay of a result on its image: flow, quadrants by distance, planes, and the sentence."""
+"""Draw a result over its image: flow, quadrants by distance, planes, and the sentence."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _HALO = 0.11
 
 @cache
 def _font(size: float, bold: bool) -> ImageFont.FreeTypeFont:
-    """DejaVu Sans, which comes with matplotlib; matplotlib itself is not loaded."""
+    """Load DejaVu Sans, which comes with matplotlib; matplotlib itself is not loaded."""
     require_extra("report", "matplotlib")
     spec = find_spec("matplotlib")
     (folder,) = (spec and spec.submodule_search_locations) or ("",)
@@ -43,7 +43,7 @@ def _font(size: float, bold: bool) -> ImageFont.FreeTypeFont:
 
 
 def text_width(text: str, size: float) -> float:
-    """Width [px] of ``text`` in letters of ``size`` [px]."""
+    """Return the width [px] of ``text`` in letters of ``size`` [px]."""
     return _font(size, bold=False).getlength(text)
 
 
@@ -91,7 +91,7 @@ def write_key(
 ) -> None:
     """Write names in ``ink``, each after a patch of its colour, in as many lines as they need.
 
-    ``at`` (x, y) [px] is the left end of the first base line; as much room is left on the right.
+    ``at`` (x, y) [px] is the left end of the first base line; the same margin is kept on the right.
     """
     left, base = at
     x, patch = left, 0.8 * size
@@ -106,7 +106,7 @@ def write_key(
 
 
 def wrap(text: str, size: float, width: float) -> list[str]:
-    """``text`` in lines no wider than ``width`` [px]; a longer single word is not broken."""
+    """Split ``text`` into lines no wider than ``width`` [px]; longer words are not broken."""
     lines: list[str] = []
     for word in text.split():
         longer = f"{lines[-1]} {word}" if lines else word
@@ -122,7 +122,7 @@ _OURS = re.compile(r"view-[0-9]{5,}\.png")
 
 
 class _Pictures(AtomicFolder):
-    """Each picture is in its place as soon as it is drawn; the first replaces earlier ones."""
+    """A folder of pictures, written as they are drawn; the first replaces earlier ones."""
 
     def __init__(self, target: Path) -> None:
         super().__init__(target, _OURS, "--overlay")
@@ -141,7 +141,7 @@ class _Pictures(AtomicFolder):
         (self.path / name).replace(self.place / name)
 
     def _move_into_place(self) -> None:
-        """They are there."""
+        """Do nothing: each picture is in its place already."""
 
 
 def open_output(target: Path, source: ImageSource) -> VideoOutput | _Pictures:
@@ -171,25 +171,25 @@ COLOURS: dict[str, Colour] = {
     "floor": (115, 158, 0),
     "unknown": (150, 150, 150),
 }
-"""Colour of each distance term, of the floor, and of the unknown."""
+"""Colours of the distance terms, of the floor, and of unknown cells."""
 _INK, _PAPER, _FAINT, _WARNING = (30, 26, 24), (250, 250, 250), (170, 165, 160), (60, 190, 250)
 _PLANE, _FOCUS = (255, 255, 160), (120, 255, 120)
 _KEY = (*COLOURS.items(), ("flow", _PAPER), ("planes", _PLANE), ("heading", _FOCUS))
-"""What is drawn over the image, with its colours."""
+"""Marks that are drawn over the image, with their colours."""
 _LONG_SIDE, _SHORT_SIDE = 1024, 480
 _LETTERS = 17.0
 _LINE = 24
 _MARGIN = 18
 _LINES = 6
 _KEY_WIDTH = 580
-"""Width from which the key fits on one line [px]."""
+"""Width [px] from which the key fits on one line."""
 _SHIFT = 4
 _NEWEST = 0.05
-"""Age of a word [s] from which on it is written behind it."""
+"""Age [s] of a statement from which its age is written behind it."""
 
 
 def draw(image: Image, result: PairResult, size: WorkingSize) -> Image:
-    """``image`` (height, width, 3), enlarged, with the overlay of ``result`` and a caption.
+    """Return ``image`` (height, width, 3) enlarged, with the overlay of ``result`` and a caption.
 
     All images of a sequence get the same, even size.
     """
@@ -240,9 +240,9 @@ def draw_flow(scene: Image, flow: FlowField, gain: float) -> None:
 
 
 def _draw_quadrants(scene: Image, result: PairResult, corners: tuple[Array, Array]) -> None:
-    """Tint quadrants by distance, the nearest ones as said, and frame their nearest parts.
+    """Tint quadrants by distance, the nearest ones as the sentence says, and frame their parts.
 
-    Cells of floor have its colour, those of which nothing is known that of the unknown.
+    Cells of floor have its colour, unknown cells that of the unknown.
     """
     percept = result.percept
     nearest = next(iter(percept.obstacles.values()), {})
@@ -314,7 +314,7 @@ def _draw_planes(scene: Image, percept: Percept, corners: tuple[Array, Array]) -
 
 
 def _draw_focus(scene: Image, at: Array, result: PairResult, scale: float) -> None:
-    """A cross where the camera heads, in an ellipse of two standard deviations."""
+    """Draw a cross where the camera heads, in an ellipse of two standard deviations."""
     height, width = scene.shape[:2]
     if not (0.0 <= at[0] < width and 0.0 <= at[1] < height):
         return
@@ -331,7 +331,7 @@ def _draw_focus(scene: Image, at: Array, result: PairResult, scale: float) -> No
 
 
 def _caption(result: PairResult, width: int) -> Image:
-    """The sentence and the figures of the result, and the key, in a strip of fixed height."""
+    """Return the sentence, the figures of the result and the key, in a strip of fixed height."""
     key_lines = 1 if width > _KEY_WIDTH else 2
     height = (_LINES + key_lines) * _LINE + 2 * _MARGIN
     strip = np.full((height, width, 3), _INK, dtype=np.uint8)
@@ -372,7 +372,7 @@ def _figures(result: PairResult) -> list[str]:
 
 
 def _region(name: str, corners: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Upper left and lower right corner [px] of a quadrant or of a part of one (``sP23``)."""
+    """Return the upper left and lower right corner [px] of a quadrant or its part (``sP23``)."""
     low, high = corners
     for digit in name.lstrip("sP"):
         middle = 0.5 * (low + high)
@@ -385,5 +385,5 @@ def _region(name: str, corners: tuple[Array, Array]) -> tuple[Array, Array]:
 
 
 def _fixed(point: Array | tuple[float, float]) -> tuple[int, int]:
-    """``point`` [px] as OpenCV's fixed-point coordinates."""
+    """Convert ``point`` [px] to OpenCV's fixed-point coordinates."""
     return round(float(point[0]) * (1 << _SHIFT)), round(float(point[1]) * (1 << _SHIFT))

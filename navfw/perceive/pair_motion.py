@@ -1,11 +1,11 @@
-"""The camera's motion between two images of a sequence: rotation, heading and metric scale.
+"""Estimate the camera's motion between two images: rotation, heading and metric scale.
 
 Rotation and heading are estimated from tracked points (``navfw.egomotion.flow_egomotion``), corners
 at the resolution of the original: their positions are more exact than flow on a grid of small
-images, and pyramids follow rotations that exceed its search range. The gyro, where there is one, is
-the prior of the rotation. Otherwise the rate of the pair before is, as
-exactly as rates have been steady: it decides where few points are tracked. The heading of the pairs
-before is a weak prior: it decides between the two motions that explain the image of a single plane.
+images, and pyramids follow rotations that exceed its search range. A gyro is the prior of the
+rotation; without one the rate of the pair before is, as exactly as rates have been steady: it
+decides if few points are tracked. The heading of earlier pairs is a weak prior: it decides between
+the two motions that explain the image of a single plane.
 
 Flow gives distances as multiples of the baseline. If the floor is visible, it gives the camera's
 height as a multiple of the baseline, too. A known speed thus yields the height, and a known height
@@ -44,7 +44,7 @@ _NOMINAL_SPEED = 0.35
 """Speed assumed if the scale is unknown [m/s]: the limits of OFFIS's distance terms in metres,
 divided by this speed, are those of its terms of time to contact in seconds."""
 NO_FLOOR = 50.0
-"""Camera height if no floor is visible [m]: all cells below the horizon then count as objects."""
+"""Camera height [m] if no floor is visible: all cells below the horizon then count as objects."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ class Scale:
 
     @property
     def metric(self) -> bool:
-        """Whether distances are in metres."""
+        """Whether distances are in metres; else only their ratios are meaningful."""
         return self.source != "none"
 
     @property
@@ -79,7 +79,7 @@ class ScaleEstimator:
     _ratios: deque[float] = field(default_factory=lambda: deque(maxlen=31))
 
     def update(self, ratio: float | None) -> Scale:
-        """The scale after a measured ``ratio`` [1/s] of speed to height; None without floor."""
+        """Return the scale after a measured ``ratio`` [1/s], speed / height; None: no floor."""
         if ratio is not None:
             self._ratios.append(ratio)
         usual = float(np.median(self._ratios)) if self._ratios else None
@@ -104,20 +104,20 @@ QUALITY = 0.005
 """Least eigenvalue of a corner's structure tensor, relative to the best corner's."""
 
 WINDOW = 21
-"""Side of the window of a point at the width MAX_WIDTH [px]; at least _MIN_WINDOW."""
+"""Side [px] of the window of a point in images as wide as MAX_WIDTH; at least _MIN_WINDOW."""
 _MIN_WINDOW = 11
 
 _LEVELS = 4
-"""Levels of the pyramid."""
+"""Number of levels of the pyramid."""
 
 _RETURN = 0.5
-"""Largest distance [px] between a point and where tracking it forth and back ends."""
+"""Largest distance [px] between a point and the end of tracking it forth and back."""
 
 SIGMA = 0.15
 """Standard deviation of a track [px of the track image]."""
 
 _TRACK_OVERLAP = 2.0
-"""Number of tracks with a common error."""
+"""Number of tracks that share an error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +129,7 @@ class TrackImage:
 
     @classmethod
     def of(cls, image: Image) -> TrackImage:
-        """The track image of an original (height, width, 3)."""
+        """Make the track image of an original (height, width, 3)."""
         grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
         scale = min(MAX_WIDTH / grey.shape[1], 1.0)
         if scale < 1.0:
@@ -138,7 +138,7 @@ class TrackImage:
 
 
 def track_points(past: TrackImage, now: TrackImage, size: WorkingSize) -> PointMotion:
-    """Corners of ``now`` found again in ``past``, in pixels of the working image."""
+    """Track corners of ``now`` to ``past``; positions are in pixels of the working image."""
     # half the distance of points spread evenly
     distance = max(0.5 * float(np.sqrt(now.grey.size / POINTS)), 3.0)
     corners: Any = cv2.goodFeaturesToTrack(now.grey, POINTS, QUALITY, distance)
@@ -158,7 +158,7 @@ def track_points(past: TrackImage, now: TrackImage, size: WorkingSize) -> PointM
 
 
 def _tracked(image: Image, other: Image, points: Any) -> tuple[Any, Any]:
-    """Where ``points`` (n, 1, 2) of ``image`` are in the ``other``, and which were found (n,)."""
+    """Return where ``points`` (n, 1, 2) of ``image`` are in ``other``, and whether found (n,)."""
     side = max(WINDOW * image.shape[1] // MAX_WIDTH | 1, _MIN_WINDOW)
     moved, status, _ = cv2.calcOpticalFlowPyrLK(
         image,
@@ -173,7 +173,7 @@ def _tracked(image: Image, other: Image, points: Any) -> tuple[Any, Any]:
 
 
 def _centred(points: Array, grey: Image) -> Array:
-    """``points`` (n, 2) [px, centre of the first pixel at 0] relative to the image's centre."""
+    """Convert ``points`` (n, 2) [px, centre of the first pixel at 0] to the image's centre."""
     height, width = grey.shape
     return np.asarray(points, dtype=np.float64) - 0.5 * (np.array([width, height]) - 1.0)
 
@@ -185,10 +185,10 @@ _HEADING_DRIFT = 0.35
 """Standard deviation of the change of heading from one pair to the next [rad]."""
 
 _MIN_DRIFT = 0.1
-"""Least of it after many pairs of one heading [rad]."""
+"""Least such deviation after many pairs of the same heading [rad]."""
 
 DEVIATION = 3.0
-"""How far off the motion is taken to be possible, in standard deviations."""
+"""Deviations from the estimated motion that count as possible, in standard deviations."""
 
 RATE_DRIFT = 0.35
 """Least standard deviation of the change of a rate of rotation from one pair to the next [rad/s]:
@@ -202,7 +202,7 @@ MEMORY = 20
 """Number of pairs whose headings and changes of rate are remembered."""
 
 SURE_HEADING = 0.25
-"""Largest standard deviation of a known heading [rad]: beyond it distances are not known."""
+"""Largest standard deviation of a heading [rad] with which distances count as known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,7 +210,8 @@ class PairMotion:
     """The ``egomotion`` between two images ``dt`` [s] apart.
 
     ``turn_source`` says what measured the rotation: "gyro", "poses" or "flow"; ``notes`` are
-    remarks. ``to_plane``: towards one plane across the optical axis, which needs no heading.
+    remarks. ``to_plane`` is True if it moves towards a plane across the optical axis: no heading is
+    needed.
     """
 
     egomotion: Egomotion
@@ -230,7 +231,7 @@ class PairMotion:
         return self.has_heading or self.to_plane
 
     def camera_motion(self, way: float) -> CameraMotion:
-        """The motion of a camera that travels ``way`` [m]."""
+        """Return the motion of a camera that travels ``way`` [m] between the images."""
         egomotion = self.egomotion
         vertical = float(egomotion.covariance[1, 1])
         return CameraMotion(
@@ -242,7 +243,7 @@ class PairMotion:
         )
 
     def alternatives(self, flow: FlowField, focal: float) -> Iterator[FlowField]:
-        """What ``flow`` (derotated) is by other motions that the tracked points allow."""
+        """Yield ``flow`` (derotated) as it is by other motions that the points allow."""
         past = flow.points - flow.vectors
         for turn, direction in self.egomotion.deviations(DEVIATION):
             moved = replace(
@@ -255,7 +256,7 @@ class PairMotion:
 
 
 class PairMotionEstimator:
-    """Estimates the motions of one sequence in their order."""
+    """Estimates the motions of the pairs of a sequence, in their order."""
 
     def __init__(self, camera: CameraModel, size: WorkingSize, gyro: MotionRecord | None) -> None:
         self._camera = camera
@@ -266,11 +267,11 @@ class PairMotionEstimator:
         self._headings: deque[Array] = deque(maxlen=MEMORY)
 
     def interrupt(self) -> None:
-        """Forget the rate of rotation: the next pair does not follow those before."""
+        """Forget the rate of rotation: the next pair does not follow the last one."""
         self._rate = None
 
     def estimate(self, past: TrackImage, now: TrackImage, begin: float, end: float) -> PairMotion:
-        """The motion from image ``past`` at ``begin`` [s] to image ``now`` at ``end`` [s]."""
+        """Estimate the motion from ``past`` at ``begin`` [s] to ``now`` at ``end`` [s]."""
         prior, source, notes = self._prior(begin, end)
         tracks = track_points(past, now, self._size)
         egomotion, plane = estimate_egomotion(tracks, self._camera.focal, prior), None
@@ -314,7 +315,7 @@ class PairMotionEstimator:
         return prior, source, notes
 
     def _usual_heading(self) -> tuple[Array, float] | None:
-        """Mean of the recent headings and their spread [rad]; None without any."""
+        """Return the mean of recent headings and their spread [rad]; None without any."""
         if not self._headings:
             return None
         directions = np.array(self._headings)
@@ -326,7 +327,7 @@ class PairMotionEstimator:
 
 
 def rotation_vector(rotation: Array, camera: CameraModel) -> Array:
-    """Rotation vector (3,) [rad] about base_link's x, y, z of the camera's ``rotation`` (3, 3)."""
+    """Convert ``rotation`` (3, 3), past to current camera, to base_link's x, y, z (3,) [rad]."""
     base = camera.base_from_camera
     turn = np.ascontiguousarray(base @ rotation.T @ base.T)
     return np.asarray(rotations.rotation_vector(turn))

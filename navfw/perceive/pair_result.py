@@ -1,4 +1,4 @@
-"""The result of one pair of images, as plain data, and as a line of text."""
+"""Hold the result of a pair of images; convert it to JSON data and to a line of text."""
 
 from __future__ import annotations
 
@@ -16,20 +16,19 @@ from navfw.signals import FlowField, Percept
 
 @dataclass(frozen=True, slots=True)
 class PairResult:
-    """Everything computed from one pair of images.
+    """All values computed from one pair of images.
 
-    ``flow`` is derotated and refers to the working image. ``front`` has the probabilities of what
-    stands in front, by this pair alone; it is empty where it cannot be told. ``statements`` are
-    what the sentence says, each with its evidence.
-    ``focus`` (x, y) is the focus of expansion [px from the top left of the original image], None
-    where it is unknown; ``focal`` is the focal length [px of the original image].
+    ``flow`` is derotated and refers to the working image. ``front`` has the probabilities of the
+    surfaces ahead, by this pair only; {} if unknown. ``statements`` are those of the sentence, with
+    their evidence. ``focus`` (x, y) is the focus of expansion [px from the top left of the original
+    image], None if it is unknown; ``focal`` is the focal length [px of the original image].
     ``rotation_vector`` (3,) [rad] is the camera's rotation about base_link's x, y, z (roll, pitch,
     yaw); ``motion`` is the estimate before it is refined by the flow on the grid.
+
     ``contact`` [s] is the time to contact with the surface straight ahead, ``quadrant_contact`` [s]
-    that of the nearest part of each quadrant; both are inf where nothing approaches.
-    ``confidence`` is in [0, 1]. If ``known``
-    is false, this pair shows nothing and ``notes`` give the reason: the words of the percept are
-    those held from the pairs before, or unknown.
+    that of the nearest part of each quadrant; both are inf if nothing approaches. ``confidence`` is
+    in [0, 1]. If ``known`` is False, this pair shows nothing and ``notes`` give the reason: the
+    words of the percept are then those held from earlier pairs, or unknown.
     """
 
     number: int
@@ -56,7 +55,7 @@ _DIGITS = 4
 
 
 def as_data(result: PairResult) -> dict[str, Any]:
-    """The result of a pair of images as plain data; undefined numbers are None.
+    """Convert the result of a pair of images to JSON data; undefined numbers are None.
 
     Distances in metres are None if the scale is unknown; times to contact [s] need no scale.
     Positions are in pixels from the top left of the original images.
@@ -116,7 +115,7 @@ def _statement(one: Statement) -> dict[str, Any]:
 
 
 def as_line(result: PairResult) -> str:
-    """Time, confidence, time to contact and the sentence, the front first, in one line."""
+    """Format time, confidence, time to contact and the sentence, the front first, as a line."""
     contact = f"{result.contact:6.1f} s" if math.isfinite(result.contact) else "       -"
     clauses = result.percept.sentence.split("; ")
     sentence = "; ".join(sorted(clauses, key=lambda clause: clause.startswith("Layer")))
@@ -125,7 +124,7 @@ def as_line(result: PairResult) -> str:
 
 
 def _heading(result: PairResult) -> dict[str, Any]:
-    """Kind of motion; the heading in the camera's axes, and its standard deviation."""
+    """Return kind of motion; the heading in the camera's axes, and its standard deviation."""
     egomotion = result.motion.egomotion
     has_heading = math.isfinite(egomotion.heading_sigma)
     right, down, ahead = egomotion.direction.tolist()

@@ -1,4 +1,4 @@
-"""OFFIS on an image sequence: pairs of images to percepts, with times to contact."""
+"""Run OFFIS on an image sequence: pairs of images to percepts, with times to contact."""
 
 from __future__ import annotations
 
@@ -42,16 +42,16 @@ from navfw.robot.camera_models import RATES
 from navfw.signals import FlowField, Frame, FramePair, Label, Percept, Twist
 
 MIN_PARALLAX = 1.0
-"""Least 90th percentile of the derotated flow [px] for distances to be known."""
+"""Least 90th percentile of the derotated flow [px] from which distances count as known."""
 _MIN_AHEAD = 0.17
-"""Least share of the translation along the optical axis for a focus of expansion and for times to
-contact: it is 80 deg off the axis."""
+"""Least share of the translation along the optical axis with which a focus of expansion and times
+to contact are given: 80 deg off the axis."""
 MIN_CONFIDENCE = 0.04
-"""Least confidence of a known result."""
+"""Least confidence of a result that counts as known."""
 _MIN_TEXTURE = 0.08
 """Least share of cells with flow."""
 _MIN_AGREEMENT = 0.3
-"""Least share of the flow's confidence that remains with the vectors that obey the egomotion."""
+"""Least share of the flow's confidence in vectors that agree with the egomotion."""
 _USEFUL_FLOW = (2.0, 5.0)
 """Range of the 90th percentile of the derotated flow [px] that the stride aims at."""
 _MAX_SHIFT = 0.2
@@ -59,11 +59,11 @@ _MAX_SHIFT = 0.2
 _BASELINE = 0.08
 """Desired distance between the first images of a pair [m], if the speed is known."""
 _OBSTACLE_SHARE, _DROP_SHARE = 0.2, 0.35
-"""Least height of an obstacle and depth of a drop, as shares of the camera's height: below a low
-camera, or if the scale is unknown, those of a robot would be too coarse."""
+"""Least height of an obstacle and depth of a drop, as shares of the camera's height: for a low
+camera, or an unknown scale, those of a robot would be too coarse."""
 MAX_DISTANCE, MAX_TIME, MAX_HEIGHTS = 10.0, 5.0, 10.0
-"""An object is in sight up to the largest of: a distance [m], a time to contact [s], and heights of
-the camera."""
+"""An object counts as in sight up to the largest of a distance [m], a time to contact [s], and a
+number of camera heights."""
 _TEXTURELESS = "too little texture to measure motion"
 _UNRELATED = "the images have nothing in common: another scene, or one too far on"
 _MOTIONLESS = "no motion between the images"
@@ -81,7 +81,7 @@ DIRECTIONS = {
 
 @dataclass(frozen=True, slots=True)
 class _Prepared:
-    """A working image as a frame, with its track image and the name of its source."""
+    """A working image as a frame, with its track image and the name of its source image."""
 
     name: str
     frame: Frame
@@ -89,7 +89,7 @@ class _Prepared:
 
 
 class Perceiver:
-    """Processes the images of one source in their order; one instance per sequence.
+    """Processes the images of ``source`` in their order; one instance per sequence.
 
     Raises:
         InputError: the flow plugin is unknown, needs more than images, or has no rows and columns.
@@ -106,7 +106,7 @@ class Perceiver:
         self.size: WorkingSize | None = None
 
     def results(self) -> Iterator[tuple[SourceImage, PairResult]]:
-        """Each image but the first, with the result of its pair with an earlier image.
+        """Yield each image but the first, with the result of its pair with an earlier image.
 
         Raises:
             InputError: the images cannot be read, differ in size, or are too small.
@@ -206,7 +206,7 @@ class Perceiver:
         )
 
     def _with_floor(self, flow: FlowField, floor: FloorMotion | None, *, lost: bool) -> FlowField:
-        """``flow`` (derotated) with the floor's vectors, or without any where it may be."""
+        """Return ``flow`` (derotated) with the floor's vectors, or none where a lost one may be."""
         if floor is not None:
             return floor.apply(flow, self._camera)
         return self._floors.without_floor(flow) if lost else flow
@@ -214,9 +214,9 @@ class Perceiver:
     def _others(
         self, flow: FlowField, floor: FloorMotion | None, motion: PairMotion, way: float
     ) -> list[FlowField]:
-        """What the derotated ``flow`` and the floor's are by other motions of a length of ``way``.
+        """Return ``flow`` (derotated) with the floor's, by other motions over ``way`` [m].
 
-        They are as far off as the camera's motion is uncertain.
+        These are as far off as the camera's motion is uncertain.
         """
         return [
             _scaled(self._with_floor(other, floor, lost=False), way)
@@ -224,14 +224,14 @@ class Perceiver:
         ]
 
     def _perceive(self, flow: FlowField, scale: Scale, others: Sequence[FlowField] = ()) -> Percept:
-        """The percept of ``flow``; the nearest object is named if ``others`` show it, too."""
+        """Return the percept of ``flow``; the nearest object is named if ``others`` show it."""
         ahead = scale.speed * float(flow.motion.translation[2]) / max(flow.motion.baseline, 1e-12)
         return self._offis_at(scale).perceive(flow, Twist(ahead, 0.0), others)
 
     def _without_rotation(
         self, pair: FramePair, raw: FlowField, motion: PairMotion
     ) -> tuple[FlowField, list[str]]:
-        """The derotated flow, and the reason if it carries no information about the scene."""
+        """Return the derotated flow, and reasons why it has no information about the scene."""
         camera = self._camera
         kind = motion.egomotion.kind
         if float((raw.confidence > 0.0).mean()) < _MIN_TEXTURE:
@@ -256,7 +256,7 @@ class Perceiver:
         return flow, [SMALL] if _fastest(flow) < MIN_PARALLAX else []
 
     def _focus(self, motion: PairMotion, size: WorkingSize) -> tuple[float, float] | None:
-        """Focus of expansion [px of the original image]; None if it is unknown or far outside."""
+        """Return the focus of expansion [px of the original]; None if unknown or far outside."""
         direction = motion.egomotion.direction
         if not motion.has_heading or abs(direction[2]) < _MIN_AHEAD:
             return None
@@ -264,7 +264,7 @@ class Perceiver:
         return x, y
 
     def _offis_at(self, scale: Scale) -> Offis:
-        """OFFIS for a camera's height and speed, in steps of 3 %: estimates vary."""
+        """Return OFFIS for a camera's height and speed, in steps of 3 %: estimates vary."""
         height, speed = scale.height, scale.speed
         pitch = self._floors.pitch or 0.0
         step = round(math.log(height) / 0.03), round(math.log(max(speed, 0.01)) / 0.03), pitch
@@ -290,8 +290,8 @@ class Perceiver:
     def _choose_stride(self, raw: FlowField, flow: FlowField, motion: PairMotion) -> None:
         """Increase the stride for slow flow, decrease it for fast flow (METHOD 2.7).
 
-        The derotated flow decides, as long as the images overlap by most of their width. Images
-        between which the motion is not found may be too far apart.
+        The derotated flow decides, as long as the images overlap by most of their width. If the
+        motion is not found, the images may be too far apart: the stride is halved.
         """
         if self.options.stride is not None:
             return
@@ -308,7 +308,7 @@ class Perceiver:
 
 
 def _flow_plugin(options: PerceiverOptions, registry: Registry) -> type[FlowProcessor]:
-    """The flow processor's class, which has rows and columns of the grid as parameters."""
+    """Return the flow processor's class; its parameters must include rows and columns."""
     plugin = cast(type[FlowProcessor], registry.get("flow", options.flow))
     if getattr(plugin, "oracle", False):
         raise InputError(
@@ -320,7 +320,7 @@ def _flow_plugin(options: PerceiverOptions, registry: Registry) -> type[FlowProc
 
 
 def _fastest(flow: FlowField) -> float:
-    """90th percentile of the length [px] of vectors with confidence; 0 if there are none."""
+    """Return the 90th percentile of the length [px] of confident vectors; 0 if there are none."""
     measured = flow.confidence > 0.0
     if not measured.any():
         return 0.0
@@ -333,7 +333,7 @@ def _unknown(flow: FlowField) -> FlowField:
 
 
 def _scaled(flow: FlowField, way: float) -> FlowField:
-    """``flow`` with its motion's translation scaled to a length of ``way`` [m]."""
+    """Return ``flow`` with its motion's translation scaled to a length of ``way`` [m]."""
     motion = flow.motion
     factor = way / max(motion.baseline, 1e-12)
     return replace(
@@ -347,7 +347,7 @@ def _scaled(flow: FlowField, way: float) -> FlowField:
 
 
 def nearness_ahead(percept: Percept, flow: FlowField, camera: CameraModel) -> float:
-    """Nearness [1/m] straight ahead: the weighted median over the middle of the image."""
+    """Return the nearness [1/m] ahead: the weighted median in the middle; 0 if it is unknown."""
     shift = flow.motion.translation
     if abs(shift[2]) < _MIN_AHEAD * flow.motion.baseline:
         return 0.0
@@ -367,5 +367,5 @@ def _inverse(value: float) -> float:
 
 
 def _confidence(percept: Percept) -> float:
-    """Confidence of a percept in [0, 1], from the mean over its cells."""
+    """Return the confidence of a percept in [0, 1], from the mean over its cells."""
     return float(np.clip(percept.confidence.mean() / 0.7, 0.0, 1.0))

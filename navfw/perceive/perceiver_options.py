@@ -1,4 +1,4 @@
-"""Options of the perceiver, and what it assumes about the camera where nothing is given.
+"""Options of the perceiver, its assumptions on a camera that is not known, and working images.
 
 Images are scaled and cropped to a size that the flow's grid divides.
 """
@@ -19,12 +19,12 @@ from navfw.perceive.motion_record import MotionRecord
 from navfw.robot import CameraModel
 
 HFOV = (15.0, 155.0)
-"""Smallest and largest horizontal field of view of a pinhole camera [deg]."""
+"""Smallest and largest horizontal field of view [deg] of a pinhole camera."""
 _AREA = 160 * 120
 """Area of the paper's images [px^2], for which windows and search range are chosen."""
 _CONTRAST, _TEXTURED = 6.0, 0.3
-"""Standard deviation [grey levels] in a cell with texture, and share of such cells in an image that
-has texture."""
+"""Standard deviation [grey levels] in a cell with texture; share of such cells in a textured
+image."""
 _MIN_SIDE = 24
 """Least side of an image [px], the side of a window of block matching."""
 
@@ -45,7 +45,7 @@ class WorkingSize:
 
     @classmethod
     def of(cls, width: int, height: int, rows: int, cols: int) -> WorkingSize:
-        """The working size closest to the paper's with the least cropping.
+        """Find the working size closest to the paper's with the least cropping.
 
         Raises:
             InputError: the images are too small, or far too long for the grid.
@@ -80,7 +80,7 @@ class WorkingSize:
         return best[1]
 
     def camera(self, hfov: float, height: float, pitch: float, rate: float) -> CameraModel:
-        """The camera model of the working images.
+        """Return the camera model of the working images.
 
         ``hfov`` [rad] is the horizontal field of view of the original images, ``height`` [m] that
         of the camera above the floor, ``pitch`` [rad] nose down, ``rate`` [1/s].
@@ -97,7 +97,7 @@ class WorkingSize:
         )
 
     def prepare(self, image: Image) -> Image:
-        """The working image (cut_height, cut_width) luminance of ``image`` (height, width, 3)."""
+        """Return the grey working image (cut_height, cut_width) of ``image`` (height, width, 3)."""
         grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
         width = max(round(self.scale * self.width), self.cut_width)
         height = max(round(self.scale * self.height), self.cut_height)
@@ -108,18 +108,18 @@ class WorkingSize:
         return np.ascontiguousarray(cut, dtype=np.uint8)
 
     def to_image(self, points: Array) -> Array:
-        """``points`` (..., 2) [px from the centre of the working image] in the original image."""
+        """Convert ``points`` (..., 2) [px from the working image's centre] to the original [px]."""
         return points / self.scale + 0.5 * np.array([self.width, self.height])
 
 
 def are_alike(past: Image, now: Image) -> bool:
-    """Whether two grey images (height, width) with some contrast show the same, unmoved."""
+    """Return whether two grey images (height, width) with some contrast show no difference."""
     change = np.abs(now.astype(np.int16) - past).mean()
     return bool(change < 0.1 * now.std() and now.std() > 4.0)
 
 
 def has_texture(image: Image, shape: tuple[int, int]) -> bool:
-    """Whether most cells of a grid of ``shape`` over a grey image (height, width) have contrast."""
+    """Return whether enough cells of a grid of ``shape`` over a grey image have contrast."""
     grey, size = image.astype(np.float32), shape[::-1]
     mean, squares = (cv2.resize(i, size, interpolation=cv2.INTER_AREA) for i in (grey, grey**2))
     contrast = np.sqrt(np.maximum(squares - np.square(mean), 0.0))
@@ -127,10 +127,10 @@ def has_texture(image: Image, shape: tuple[int, int]) -> bool:
 
 
 _USUAL_VIEW = 65.0
-"""Field of view along the longer side of an image that is assumed if none is given [deg]: that of
+"""Field of view [deg] along the longer side of an image that is assumed if none is given: that of
 the main camera of telephones."""
 GRID = (12, 16)
-"""Rows and columns of the flow that the paper has for images wider than high."""
+"""Rows and columns of the flow, as in the paper, for images wider than high."""
 MAX_SPEED = 100.0
 """Largest speed of the camera [m/s]."""
 MAX_STRIDE = 15
@@ -142,11 +142,11 @@ class PerceiverOptions:
     """Known properties of the camera and its motion, and the flow processor.
 
     ``hfov`` [deg] is the horizontal field of view of the original images, None if unknown;
-    ``speed`` [m/s] ahead, None or 0 if unknown; ``height`` [m] of the camera above the floor, None
-    if unknown; ``pitch`` [deg] nose down, None if unknown: 0 is then assumed; ``flow`` the name of
-    the plugin, on a ``grid`` of (rows, columns), None to choose it by the images; ``stride``
-    [images] from the first to the second image of a pair, None to adapt it to the flow; ``gyro``
-    the record that measured the camera's motion: of a gyro, or poses.
+    ``speed`` [m/s] the forward speed, None or 0 if unknown; ``height`` [m] that of the camera above
+    the floor, None if unknown; ``pitch`` [deg] nose down, None if unknown: 0 is then assumed;
+    ``flow`` the name of the plugin, on a ``grid`` of (rows, columns), None to choose it by the
+    images; ``stride`` [images] the distance between the images of a pair, None to adapt it to the
+    flow; ``gyro`` the record of the camera's motion: gyro rates, or poses.
 
     Raises:
         InputError: a value is out of its range.
@@ -179,16 +179,17 @@ class PerceiverOptions:
                 )
 
     def grid_for(self, width: int, height: int) -> tuple[int, int]:
-        """Rows and columns of the flow for images of ``width`` x ``height`` px.
+        """Return rows and columns of the flow for images of ``width`` x ``height`` px.
 
-        If none are given, the larger number is along the longer side: cells are then about square.
+        If no grid is given, the larger number is along the longer side: cells are then about
+        square.
         """
         if self.grid is not None:
             return self.grid
         return GRID if width >= height else GRID[::-1]
 
     def angle_of_view(self, width: int, height: int, calibrated: float | None) -> float:
-        """Horizontal field of view [rad] of images of ``width`` x ``height`` px.
+        """Return the horizontal field of view [rad] of images of ``width`` x ``height`` px.
 
         ``calibrated`` [rad] is that of a calibration. Without one, and without ``hfov``, the longer
         side of the images shows ``_USUAL_VIEW``.
@@ -201,7 +202,7 @@ class PerceiverOptions:
         return 2.0 * math.atan(along * width / max(width, height))
 
     def speed_between(self, begin: float, end: float) -> float | None:
-        """Speed [m/s] between two times [s]: as given, else by the record; None if unknown."""
+        """Return the speed [m/s] between two times [s], given or by the record, or None."""
         if self.speed or self.gyro is None:
             return self.speed or None
         way = self.gyro.translation_between(begin, end)
@@ -211,7 +212,7 @@ class PerceiverOptions:
         return speed if 0.0 < speed <= MAX_SPEED else None  # where poses jump, none
 
     def assumptions(self, source: ImageSource, size: WorkingSize) -> list[Assumption]:
-        """What the results for images of ``source`` assume; of the motion nothing is assumed."""
+        """List what results for images of ``source`` assume; nothing on the motion."""
         assumed = []
         if source.hfov is None:
             view = math.degrees(self.angle_of_view(size.width, size.height, None))

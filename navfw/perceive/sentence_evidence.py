@@ -1,10 +1,10 @@
-"""What a sentence says: the front by probability, and words by the evidence of the last moment.
+"""Choose the words of a sentence: the front by probability, objects by recent evidence.
 
-Nearness in heights of the camera, which the floor's motion gives, tells what is near without any
-scale. Three features of the thirds of the image, a class each for what is open, a corridor, and
-across: logistic regression on the labels of real frames (benchmarks/real-frames.md), so that a
-probability is a frequency. Without a floor only a wall can be told, by one plane that fills the
-image. Doors and corners are too rare in the labels to be named.
+Nearness in heights of the camera, which the floor's motion gives, shows what is near without any
+scale. Three features of the thirds of the image are classified as open, a corridor, or across:
+logistic regression on the labels of real frames (benchmarks/real-frames.md), so that a probability
+is a frequency. Without a floor only a wall can be recognized, by a plane that fills the image.
+Doors and corners are too rare in the labels to be named.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ MIN_PROBABILITY = 0.6
 """Least probability of a front that the sentence names."""
 
 _MIN_FLOOR = 0.25
-"""Least share of floor below the horizon in the middle third: without it, what is far away may be
-what does not move."""
+"""Least share of floor below the horizon in the middle third: with less, an area that seems far
+away may be one that does not move."""
 
 _MIN_CONFIDENCE = 0.15
-"""Least confidence of a cell that counts."""
+"""Least confidence of a cell that is used."""
 
 _USUAL = 0.08
 """Nearness [1 / camera height] with which the middle is compared: between open and across."""
@@ -44,28 +44,28 @@ _LOG_NEARNESS, _LOG_SIDES, _STEEPNESS = (-2.0, 0.6), (-1.0, 1.5), (-1.0, 1.5)
 """Ranges of the features."""
 
 _MIN_FIT, _ANY_STEEPNESS = 0.5, 0.4
-"""Least share of the cells of a half in its plane for its incline to count; the incline [rad] that
-speaks for nothing."""
+"""Least share of the cells of a half in its plane for its incline to be used; the incline [rad]
+that is evidence for nothing."""
 
 _COEFFICIENTS = np.array(
     [[0.86, -1.69, 0.83], [-4.37, 3.39, 0.97], [-1.52, 2.70, -1.17], [-1.74, 1.79, -0.05]]
 )
-"""Of 1 and the features (rows), for what is open, a corridor, across (columns)."""
+"""Coefficients of 1 and the features (rows), for open, a corridor, across (columns)."""
 
 _WALL = 0.85
-"""Share of walls, or what may be called so, of what is across: 27 of 31 labels."""
+"""Share of walls, or surfaces that may be called so, in the class across: 27 of 31 labels."""
 
 _ONE_PLANE, _FILLED = 0.9, 0.5
 """Without a floor: least fit of one plane to both halves, least confidence of the middle third."""
 
 _SURE_WALL = 0.9
-"""Probability of a wall then: 9 of 9 labels, by the rule of succession."""
+"""Probability of a wall in this case: 9 of 9 labels, by the rule of succession."""
 
 
 def front_probabilities(
     percept: Percept, camera: CameraModel, height: float, pitch: float
 ) -> dict[str, float]:
-    """Probabilities of "open", "corridor" and "wall", the rest is "other"; empty if unknown.
+    """Return probabilities of "open", "corridor", "wall"; the rest is "other"; {} if unknown.
 
     ``height`` [m] is the camera's in the percept's metres, at least ``NO_FLOOR`` without a floor;
     ``pitch`` [rad] the camera's, nose down.
@@ -93,14 +93,14 @@ def front_probabilities(
 
 
 def probable_front(probabilities: Mapping[str, float]) -> str:
-    """The front that the sentence names; "unknown" where none is probable enough."""
+    """Return the front that the sentence names; "unknown" if none is probable enough."""
     named = {name: p for name, p in probabilities.items() if name != "other"}
     best = max(named, key=named.__getitem__, default="unknown")
     return best if named.get(best, 0.0) >= MIN_PROBABILITY else "unknown"
 
 
 def _features(percept: Percept, weight: Array, height: float) -> tuple[float, float] | None:
-    """Logarithms of the nearness of the middle, and of that of the sides beside the middle's."""
+    """Return logarithms of the middle's nearness, and of the sides' relative to it; or None."""
     left, middle, right = (_nearness(percept, weight, third) for third in _thirds(percept))
     if middle is None:
         return None
@@ -120,14 +120,14 @@ def _thirds(percept: Percept) -> list[slice]:
 
 
 def _weight(percept: Percept, place: Mask) -> Array:
-    """Confidence (rows, cols) of the cells in ``place`` that show no floor, otherwise 0."""
+    """Return the confidence (rows, cols) of cells in ``place`` that show no floor, otherwise 0."""
     is_object = ~np.isin(percept.label, (Label.FLOOR, Label.DROP))
     counts = place & is_object & (percept.confidence > _MIN_CONFIDENCE)
     return np.where(counts, percept.confidence, 0.0)
 
 
 def _nearness(percept: Percept, weight: Array, third: slice) -> float | None:
-    """The 60th percentile [1/m] of the nearness of the cells in a ``third``; None below three."""
+    """Return the 60th percentile [1/m] of nearness in a ``third``; None below three cells."""
     values, weights = percept.nearness[:, third].ravel(), weight[:, third].ravel()
     if int((weights > 0.0).sum()) < 3:
         return None
@@ -141,34 +141,34 @@ def _within(value: float, limits: tuple[float, float]) -> float:
 
 
 HELD = 0.5
-"""Time [s] for which what a pair shows counts, and words are held without new evidence."""
+"""Time [s] for which a pair's evidence is used, and words are held without new evidence."""
 
 AT_ONCE = 2.0
-"""Time to contact [s] below which nothing is open, whatever was said."""
+"""Time to contact [s] below which nothing is called open, whatever was said."""
 
 _CONTRARY = 0.2
-"""Probability by the newest pair below which a front is not said any more."""
+"""Probability by the newest pair below which a front is dropped."""
 
 _COVERED = 0.5
-"""Share of a quadrant that is floor, from which on no other pair's object is held there, and of the
-window in front that is none, from which on no other pair's floor is held."""
+"""Share of a quadrant that is floor, from which no earlier pair's object is held there, and of the
+window in front that is none, from which no earlier pair's floor is held."""
 
 _LEADS = 0.34
-"""Share of the pairs by which other regions have to lead those that are said to replace them."""
+"""Share of the pairs by which other regions have to lead the present ones to replace them."""
 
 _RIGHT, _EVEN = 0.83, 0.5
-"""Share of the named nearest objects that are right by the labels: 315 of 378, and where few pairs
-show the regions that are said 3 of 6."""
+"""Share of the named nearest objects that are right by the labels: 315 of 378, and if few pairs
+show the present regions 3 of 6."""
 
 _FLOOR = 0.99
-"""The same of the floor in front: 346 of 346, by the rule of succession no more than that."""
+"""The same for the floor in front: 346 of 346, by the rule of succession no more than that."""
 
 Layers = Mapping[str, Mapping[str, str]]
 
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """What a sentence says of one thing, and by what evidence.
+    """A statement of a sentence, and its evidence.
 
     ``what`` is "nearest", "front" or "floor", ``says`` the clause. It is true with ``probability``;
     ``age`` [s] is the time since the newest pair that shows it by itself, at most ``HELD``.
@@ -182,9 +182,9 @@ class Statement:
 
 @dataclass(frozen=True, slots=True)
 class _Evidence:
-    """What one pair shows at ``time`` [s]: regions by layer, None if unknown; fronts; the floor.
+    """The evidence of one pair at ``time`` [s]: regions by layer, None if unknown; the floor.
 
-    ``front`` has the probabilities of fronts, empty if unknown.
+    ``front`` has the probabilities of fronts, {} if unknown.
     """
 
     time: float
@@ -193,7 +193,7 @@ class _Evidence:
     floor: bool
 
     def without(self, places: Collection[str]) -> _Evidence:
-        """Return what is shown but for regions at these ``position``s."""
+        """Return the evidence without regions at these ``position``s."""
         if not any(position(name) in places for name in (self.layers or {}).get("layer1", ())):
             return self
         layers = {
@@ -213,8 +213,8 @@ class HeldWords:
 
     Probabilities of fronts are averaged. The regions of the nearest object are held or changed
     together: regions that were never seen at once would not be true of any pair. Distances are
-    those that the newest pair shows. What comes near while nothing was is said at once; contrary
-    evidence ends a word at once. A pair without a result shows nothing.
+    those that the newest pair shows. An object that comes near while none was is reported at once;
+    contrary evidence ends a word at once. A pair without a result shows nothing.
     """
 
     def __init__(self) -> None:
@@ -222,17 +222,17 @@ class HeldWords:
         self.interrupt()
 
     def interrupt(self) -> None:
-        """Forget what was said: another scene begins."""
+        """Forget all evidence and words: another scene begins."""
         self._past.clear()
         self._said: Mapping[str, str] = {}
 
     def hold(
         self, percept: Percept, front: Mapping[str, float], contact: float, *, known: bool
     ) -> tuple[Percept, tuple[Statement, ...]]:
-        """``percept`` with the words that hold after this pair, and these with their evidence.
+        """Return ``percept`` with the words after this pair, and these with their evidence.
 
         ``front`` are the probabilities of fronts by this pair, ``contact`` [s] its time to contact
-        with what is straight ahead; unless it is ``known`` the pair shows nothing.
+        with the surface straight ahead; if ``known`` is False the pair shows nothing.
         """
         time = percept.time
         while self._past and time - self._past[0].time > HELD + 1e-6:
@@ -263,7 +263,7 @@ class HeldWords:
         return replace(percept, obstacles=obstacles, sentence=sentence), statements
 
     def _front(self, *, known: bool, soon: bool) -> tuple[str, tuple[float, float]]:
-        """The front, its probability, and when [s] a pair showed it."""
+        """Return the front, its probability, and when [s] a pair last showed it."""
         fronts = [one for one in self._past if one.front]
         mean = {
             name: sum(one.front.get(name, 0.0) for one in fronts) / len(fronts)
@@ -281,7 +281,7 @@ class HeldWords:
     def _nearest(
         self, percept: Percept, *, known: bool
     ) -> tuple[Layers | None, tuple[float, float]]:
-        """The nearest object by layer, its probability, and when [s] a pair showed its regions."""
+        """Return the nearest object by layer, its probability, and when [s] it was shown."""
         votes = [one for one in self._past if one.layers is not None]
         if not votes:
             return None, (0.0, 0.0)
@@ -309,13 +309,13 @@ class HeldWords:
 
 
 def strongest_term(degrees: Mapping[str, float]) -> str:
-    """The strongest of the degrees of near, middle and far; "unknown" if all are 0."""
+    """Return which of near, middle and far has the largest degree; "unknown" if all are 0."""
     best = max(degrees, key=degrees.__getitem__)
     return best if degrees[best] > 0.0 else "unknown"
 
 
 def _covered(percept: Percept) -> list[str]:
-    """The quadrants, as ``position``s, in which the floor is seen."""
+    """Return the quadrants, as ``position``s, in which the floor is seen."""
     halves = np.array_split(percept.label == Label.FLOOR, 2)
     (p2, p1), (p3, p4) = (np.array_split(half, 2, axis=1) for half in halves)
     quadrants = zip(QUADRANTS, (p1, p2, p3, p4), strict=True)
@@ -323,7 +323,7 @@ def _covered(percept: Percept) -> list[str]:
 
 
 def _stands_in_front(percept: Percept) -> bool:
-    """Whether most of the lowest quarter of the middle third shows something other than floor."""
+    """Return whether most of the lowest quarter of the middle third is not floor."""
     rows = percept.label.shape[0]
     low = percept.label[rows - max(rows // 4, 1) :, _thirds(percept)[1]]
     return bool(np.isin(low, (Label.OBSTACLE, Label.DROP)).mean() > _COVERED)

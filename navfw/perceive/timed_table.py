@@ -1,4 +1,4 @@
-"""Tables with a column of times: gyro rates, poses and lists of images.
+"""Read tables with a column of times: gyro rates, poses and lists of images.
 
 Values are separated by commas, semicolons, tabs or blanks. A first line that does not begin with a
 number is a header: it names the columns, in any order and among others, with units of time and of
@@ -26,7 +26,7 @@ from navfw.numerics import Array
 
 TIME = "time"
 TIME_NAMES = {TIME: TIME, "t": TIME, "timestamp": TIME, "stamp": TIME}
-"""Names of the column of times, and its name here."""
+"""Names that a header may use for the column of times, and its name here."""
 _TIME_UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 """Units of time [s]."""
 _DEGREE = math.pi / 180.0
@@ -38,24 +38,24 @@ _RATE_UNITS = {
 LENGTH_UNITS = {"": 1.0, "m": 1.0, "cm": 1e-2, "mm": 1e-3}
 """Units of lengths [m]; quaternions have none."""
 _EPOCH = (1e9, 1e10)
-"""Times [s] since 1970 of the years 2001 to 2286: those in other units are far from them."""
+"""Times [s] since 1970 of the years 2001 to 2286: numbers in other units are far from them."""
 _MAX_NUMBER = 1e19
 """Largest number of a cell: nanoseconds since 1970 have 2e18."""
 _MAX_INTERVAL = 2.0
 """Longest usual interval of samples [s]: longer ones are probably not in seconds."""
 
 _TimedColumn: TypeAlias = tuple[str, float]
-"""A column's name, and the factor that its numbers have in SI units."""
+"""A column's name, and the factor that converts its numbers to SI units."""
 
 
 @dataclass(frozen=True, slots=True)
 class TableFormat:
-    """What a kind of table holds.
+    """The columns of a kind of table.
 
     ``columns`` are their names in the order that they have without a header, the first ``needed``
     of them required; ``names`` maps each name that a header may use to one of them. The column
     ``text`` holds no numbers; a table that may have one may have others after it. ``units`` are
-    those of the other columns.
+    those of columns besides the time, with their factors to SI units.
     """
 
     columns: tuple[str, ...]
@@ -66,19 +66,19 @@ class TableFormat:
 
 
 def epoch_unit(time: float) -> float | None:
-    """The unit [s] of a time since 1970, by its magnitude; None if it is none."""
+    """Return the unit [s] of a time since 1970, by its magnitude; None if it fits no unit."""
     units = (1.0, 1e-3, 1e-6, 1e-9)
     return next((unit for unit in units if _EPOCH[0] <= time * unit < _EPOCH[1]), None)
 
 
 class TimedTable:
-    """The table in the file at ``path``, which messages name as ``file``.
+    """Reads the table in the file at ``path``, which messages name as ``file``.
 
     ``lines`` has the number of each row's line; ``numbers`` the values (n,) of each column, times
-    [s] and rates [rad/s], nan where a cell is empty; ``texts`` the cells of the column without
-    numbers; ``names`` the names in the header, without their units, and ``unused`` those cells of
-    it that name other quantities. The times of rows without a missing number increase; where no
-    header names their unit, it follows from their magnitude, and is ``assumed``.
+    [s] and rates [rad/s], nan if a cell is empty; ``texts`` the cells of the column without
+    numbers; ``names`` the names in the header, without their units, and ``unused`` those that name
+    other quantities. The times of rows without a missing number increase; if no header names their
+    unit, it follows from their magnitude, and is ``assumed``.
 
     Raises:
         InputError: the file cannot be read, lacks a column or has it twice, or has an unknown unit;
@@ -124,12 +124,12 @@ class TimedTable:
         self._check_order()
 
     def array(self, *names: str) -> Array:
-        """The columns of these ``names`` (n, k); 0 where the table has none of the name."""
+        """Return the columns of these ``names`` (n, k); columns that the table lacks are 0."""
         zero = np.zeros(len(self.lines))
         return np.stack([self.numbers.get(name, zero) for name in names], axis=1)
 
     def interval(self, times: Array, name: str) -> float:
-        """The usual interval [s] of the ``times`` (n,) of what is called ``name``.
+        """Return the usual interval [s] of ``times`` (n,) of samples that messages call ``name``.
 
         Raises:
             InputError: there are fewer than two, or the interval is too long to be in seconds.
@@ -178,11 +178,11 @@ class TimedTable:
             )
 
     def error(self, message: str, line: int | None = None, key: str | None = None) -> InputError:
-        """The error that the table, or its ``line``, is not what it should be."""
+        """Return the error, for the caller to raise, about the table or its ``line``."""
         return InputError(message, file=self.file, line=line, key=key)
 
     def _split(self, text: str) -> Iterator[tuple[int, list[str]]]:
-        """Line number and cells of each line that is not empty."""
+        """Yield line number and cells of each line that is not empty."""
         lines = [re.sub(r"^\s*#+\s*", "#", line) for line in text.splitlines()]
         rows = (line for line in lines if line.strip() and not line.lstrip().startswith("#"))
         first = next(rows, "")
@@ -224,7 +224,7 @@ class TimedTable:
         return columns
 
     def _named(self, line: int, word: str) -> _TimedColumn | None:
-        """The column with the name ``word`` in the header; None for another quantity."""
+        """Return the column with the name ``word`` in the header; None for another quantity."""
         written, unit = _name_and_unit(word)
         self.names.add(written)
         name = self._kind.names.get(written)

@@ -90,7 +90,7 @@ def _numbers(version: str) -> list[int]:
 
 
 def included_model(include: Element, found: Path) -> Element:
-    """The model in the file ``found`` under name, pose and other values of <include>.
+    """Return the model in the file ``found`` with the name, pose and other values of <include>.
 
     Raises:
         ConfigError: the file is not an SDF file of a model.
@@ -120,7 +120,7 @@ class SdfFrames:
         self._asked: list[Element] = []
 
     def place(self, element: Element, base: Array = _HERE) -> Array:
-        """The transform (4, 4) of an element, relative to ``base`` if its pose names no frame.
+        """Return the transform (4, 4) of an element, in ``base`` if its pose names no frame.
 
         Raises:
             ConfigError: the pose is damaged, or its frame does not exist, or depends on itself.
