@@ -1,4 +1,4 @@
-"""Lenses with distortion: their models, calibration files, and images made straight."""
+"""Lenses with distortion: their models, calibration files, and removal from images."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Camera calibrations: of OpenCV, ROS, Kalibr, EuRoC, VINS and ORB-SLAM."""
+"""Read camera calibrations of OpenCV, ROS, Kalibr, EuRoC, VINS and ORB-SLAM."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ _OTHER_NAMES = {
     **dict.fromkeys(("fisheye", "equi", "kannala_brandt", "kannalabrandt8"), FISHEYE),
 }
 _BY_COUNT = {"", "pinhole", "pinhole_full", "perspective", "rectified", "none"}
-"""What is said of lenses whose model follows from the number of coefficients."""
+"""Model names of lenses whose model follows from the number of coefficients."""
 _REFUSED = {"omni", "mei", "ds", "eucm", "fov", "scaramuzza"}
-"""Models of Kalibr and VINS that are known and not supported, whatever else a file says."""
+"""Models of Kalibr and VINS that are not supported, even if the file names another, too."""
 # names of the same thing, whatever their case: OpenCV's programs; ROS's camera_info files and
 # messages; cameracalibrator's ost.txt; Kalibr and EuRoC
 _MATRIX = ("camera_matrix", "cameramatrix", "camera matrix", "k", "intrinsics")
@@ -55,15 +55,15 @@ _FISHEYE_FLAG = ("fisheye_model", "fisheye")
 _MAX_SIDE = 20_000  # chosen
 """Longest side of an image [px]."""
 _CENTRAL = 0.3  # chosen
-"""Least share of the image's width left and right of the principal point of the unbinned image."""
+"""Least share of the image's width or height on each side of an unbinned principal point."""
 
 
 def load_calibration(path: Path, camera: str | None = None) -> CameraCalibration:
     """Load the calibration in a file; nothing in the file is ever executed.
 
     It is YAML of OpenCV, ROS, Kalibr, EuRoC, VINS or ORB-SLAM, XML of OpenCV, or the text of
-    cameracalibrator. ``camera`` is the name or topic of one of several; binned and cut images are
-    those of ``camera_info`` (REP 104).
+    cameracalibrator. ``camera`` is the name or topic of one of several cameras in it; for binned
+    and cut images the keys of ``camera_info`` apply (REP 104).
 
     Raises:
         InputError: the file cannot be read, is none of these, or lacks a camera matrix or
@@ -89,7 +89,7 @@ def read_calibration(text: str, file: str, camera: str | None = None) -> CameraC
 
 
 def _plain_yaml(text: str, file: str) -> str:
-    """``text`` in standard YAML, with the same lines.
+    """Return ``text`` as standard YAML, with the same lines.
 
     OpenCV begins its files with the directive ``%YAML:1.0``, which no standard knows, and marks
     matrices by a tag; a printed message of ROS ends with the beginning of the next.
@@ -107,7 +107,7 @@ def _plain_yaml(text: str, file: str) -> str:
 
 
 def _xml_document(text: str, file: str) -> YamlDocument:
-    """The content of OpenCV's XML as if it were YAML."""
+    """Return the content of OpenCV's XML as if it were YAML."""
     root = parse_xml(text.encode(), file, "XML of OpenCV's FileStorage")
     data: dict[str, Any] = {}
     origins: dict[KeyPath, Origin] = {}
@@ -120,7 +120,7 @@ def _xml_document(text: str, file: str) -> YamlDocument:
 
 
 class _Reader:
-    """The parts of a calibration ``document``, checked; of a ``camera`` if it has several."""
+    """The checked parts of a calibration ``document``; those of ``camera`` if it has several."""
 
     def __init__(self, document: YamlDocument, camera: str | None) -> None:
         self._document = document
@@ -132,7 +132,7 @@ class _Reader:
             self._paths |= {key.removeprefix(prefix).lower(): (*place, key) for key in keys}
 
     def _camera(self, wanted: str | None) -> list[tuple[KeyPath, str]]:
-        """Where the numbers of the ``wanted`` camera are: below a key, or beside it after a dot."""
+        """Return where the ``wanted`` camera's numbers are: below a key, or behind a prefix."""
         cameras: dict[str, tuple[KeyPath, str]] = {}
         marks = {"intrinsics", *(names[0] for names in _FOCALS)}
         for key, value in self._document.data.items():
@@ -167,7 +167,7 @@ class _Reader:
         return [*known, "plumb_bob" if few else "rational_polynomial"][0]
 
     def of_the_image(self) -> tuple[Array, tuple[int, int] | None]:
-        """Matrix and size of the image as it was sent: cut out of the sensor's, and binned."""
+        """Return matrix and size of the image as sent: cut out of the sensor's, and binned."""
         matrix, size = self.matrix(), self.size()
         steps = [max(self._pixels(self._paths.get(f"binning_{axis}", ())), 1) for axis in "xy"]
         for k, side in enumerate(size or ()):
@@ -233,7 +233,7 @@ class _Reader:
         return self._pixels(sides[0], 1), self._pixels(sides[1], 1)
 
     def _coefficients(self, names: Sequence[str]) -> tuple[KeyPath, Array]:
-        """Path and numbers (n,) of a list, or of numbers with ``names``, of which any may lack."""
+        """Return path and numbers (n,) of a list, or of numbers with ``names``, 0 if missing."""
         if self._key((*_COEFFICIENTS, *_MATRIX)) is not None:
             return self._numbers(self._needed(_COEFFICIENTS))
         last = max((k for k, name in enumerate(names, 1) if name in self._paths), default=0)

@@ -1,4 +1,4 @@
-"""Lenses with distortion: where they show a ray, and the pinhole image of what they show.
+"""Model lenses with distortion: project rays, and compute pinhole images from theirs.
 
 A calibration has one of OpenCV's models, or the model "arctan" with one number, from pincushion
 over pinhole to wide fisheyes. There a ray at the angle ``a`` to the optical axis is shown at
@@ -29,11 +29,10 @@ CURVATURES = (-0.6, 1.6)  # chosen
 """Least and largest curvature."""
 
 _MAX_ANGLE = 1.4  # derived
-"""Largest ``c`` times radius [rad] that is straightened: beyond it the image is stretched by more
-than 5."""
+"""Largest ``c`` times radius [rad] that is straightened: beyond, images are stretched by over 5."""
 
 _UNTIL = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-7)  # chosen
-"""When the search for a ray ends: number of steps, and error [px]."""
+"""Limits of the search for a ray: number of steps, and error [px]."""
 
 _STRAIGHT = 1e-6  # derived
 """Curvature below which the lens is a pinhole up to rounding."""
@@ -42,8 +41,8 @@ _STRAIGHT = 1e-6  # derived
 def straighten(points: Array, curvature: float) -> Array:
     """Convert ``points`` (..., 2) of the lens's image to those of a pinhole camera.
 
-    Both are in focal lengths from the principal point. Where ``c`` times the radius exceeds 1.4,
-    the point at 1.4 is returned.
+    Both are in focal lengths from the principal point. If ``c`` times the radius exceeds 1.4, the
+    point at 1.4 is returned.
     """
     bent = _bent(points, curvature)
     if abs(curvature) < _STRAIGHT:
@@ -67,7 +66,7 @@ def distort(points: Array, curvature: float) -> Array:
 
 
 def _bent(points: Array, curvature: float) -> Array:
-    """``c`` times the radius (..., 1) [rad] of ``points``, above 0."""
+    """Return ``c`` times the radius (..., 1) [rad] of ``points``, above 0."""
     radius = np.linalg.norm(points, axis=-1, keepdims=True)
     return np.asarray(np.maximum(math.sqrt(abs(curvature)) * radius, 1e-9))
 
@@ -109,9 +108,9 @@ class LensShape:
 
 @dataclass(frozen=True, slots=True)
 class CameraCalibration:
-    """Matrix and lens distortion of a camera, from ``file``.
+    """Matrix and lens distortion of a camera, read from ``file``.
 
-    ``matrix`` (3, 3) [px], with the centre of the first pixel at (0, 0); ``coefficients`` (n,) of
+    ``matrix`` (3, 3) [px] has the centre of the first pixel at (0, 0); ``coefficients`` (n,) of
     ``model`` ("plumb_bob", "rational_polynomial", "equidistant" in OpenCV's order, or "arctan");
     ``size`` (width, height) [px] of the calibrated images, None if the file does not say it.
     """
@@ -169,7 +168,7 @@ class CameraCalibration:
 
     @property
     def _opencv(self) -> Any:
-        """OpenCV's module for the model."""
+        """The module of OpenCV that implements the model."""
         return cv2.fisheye if self.model == FISHEYE else cv2
 
     @property
@@ -179,8 +178,8 @@ class CameraCalibration:
 
 
 _MAX_VIEW = math.radians(120.0)  # chosen
-"""Largest horizontal and vertical field of view of the result [rad]: beyond, a pinhole image shows
-little but stretched pixels of the rim."""
+"""Largest horizontal and vertical field of view [rad] of the result: beyond it a pinhole image
+consists mostly of stretched pixels of the rim."""
 _MIN_VIEW = math.radians(15.0)  # chosen
 _MAX_FLAT = math.radians(155.0)  # chosen
 """Largest field of view [rad] of a lens that no fisheye's model describes."""
@@ -251,8 +250,8 @@ class Undistortion:
     def distort(self, image: Image) -> Image:
         """Draw ``image`` of the pinhole camera as the lens shows it: the inverse of ``apply``.
 
-        The lens shows more than the image has: there, its border is repeated. ``apply`` never uses
-        these pixels.
+        The lens shows more than the image has: outside of it, its border is repeated. ``apply``
+        never uses these pixels.
         """
         bent = cv2.remap(image, *self._back, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
         return np.asarray(bent, dtype=np.uint8)
@@ -272,9 +271,9 @@ class Undistortion:
         return np.asarray(first), np.asarray(second)
 
     def _scaled_matrix(self) -> Array:
-        """The camera matrix for the images' size.
+        """Return the camera matrix for the images' size.
 
-        Images of the same shape are taken for the scaled whole of the calibrated ones.
+        Images of the same shape are assumed to be the scaled whole of the calibrated ones.
         """
         matrix = self.calibration.matrix.copy()
         width, height = self._size

@@ -1,9 +1,9 @@
-"""Models of cameras: image size, lens and mounting, and effects of real ones on their images.
+"""Model cameras: image size, lens and mounting, and effects of real cameras on their images.
 
 Without effects images are ideal. Light falls off towards the image's corners, is collected while
 the robot moves, and its amount is controlled; rows are read out one after the other, and the image
-is compressed. The simulator (``navfw.sim.camera_rig``) applies them in this order; the stack does
-not correct them. Of a camera with a calibration it takes the sigmas of flow to be wider by them.
+is compressed. The simulator (``navfw.sim.camera_rig``) applies these effects in this order; the
+stack does not correct them. For a camera with a calibration it assumes wider sigmas of flow.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _Side = Annotated[int, Field(ge=1, le=20_000)]
 
 
 class LensCalibration(StrictModel):
-    """Content of a lens's calibration file, in a robot (``navfw.lenses.CameraCalibration``)."""
+    """A lens's calibration as part of a robot (see ``navfw.lenses.CameraCalibration``)."""
 
     file: Annotated[str, Field(description="where it was read")]
     model: Annotated[str, Field(description="of the distortion, as OpenCV calls it")]
@@ -136,8 +136,8 @@ class CameraModel(StrictModel):
     def reduction(self) -> int:
         """Factor by which the stack reduces images: the largest that leaves a width of 160 px.
 
-        Images of at least that width result, which divide into the cells of CELLS; 1 if none do.
-        The pixels of flow fields and percepts are those of the reduced image.
+        The reduced images divide into the cells of CELLS; 1 if none of that width do. The pixels of
+        flow fields and percepts are those of the reduced image.
         """
         parts = math.gcd(self.width // CELLS[0], self.height // CELLS[1])
         if self.width % CELLS[0] or self.height % CELLS[1]:
@@ -147,16 +147,17 @@ class CameraModel(StrictModel):
 
     @property
     def floor_in_view_from(self) -> float:
-        """Distance [m] ahead of the camera from which on floor is in view; inf if it never is."""
+        """Least horizontal distance [m] from the camera of floor in view; inf if none is."""
         edge = np.array([0.0, 0.5 * self.height])
         fall = float(self.fall_per_depth(edge))
         ahead = math.cos(self.pitch) - edge[1] / self.focal * math.sin(self.pitch)
         return float(self.mount_height * ahead / fall) if fall > 0.0 else math.inf
 
     def fall_per_depth(self, points: Array, pitch: float | None = None) -> Array:
-        """Compute how far [m] rays through ``points`` (..., 2) [px] fall per metre of depth.
+        """Compute the fall [m] per metre of depth of rays through ``points`` (..., 2).
 
-        ``pitch`` [rad], if given, is used instead of the camera's own.
+        ``points`` are in px from the image's centre; ``pitch`` [rad], if given, replaces the
+        camera's.
         """
         focal = self.focal
         tilt = self.pitch if pitch is None else pitch
@@ -171,7 +172,7 @@ class CameraModel(StrictModel):
 
 
 class SideCamera(CameraModel):
-    """A virtual pinhole camera turned to one side: what a wide lens shows there, undistorted."""
+    """A virtual pinhole camera turned to one side: a part of a wide lens's image, undistorted."""
 
     turn: Annotated[float, Field(description="of the axis from ahead, left positive [rad]")]
 
@@ -186,8 +187,8 @@ class SideCamera(CameraModel):
 class SideViews(StrictModel):
     """Two more images, left and right of the camera's own, from a lens that shows more.
 
-    They are as high as the camera's image, with its focal length, taken at the same times. They
-    serve the detection of moving objects; OFFIS uses only the camera's image.
+    They are as high as the camera's image, with its focal length, and taken at the same times. They
+    are used to detect moving objects; OFFIS uses only the camera's image.
     """
 
     width: Annotated[int, Field(ge=32, le=640, description="of each image [px]")] = 80
@@ -197,7 +198,7 @@ class SideViews(StrictModel):
 
 
 class LandmarkCamera(StrictModel):
-    """Mode of the camera for landmark frames: more pixels, a low band of them, at a lower rate.
+    """Mode of the camera for landmark frames: a wide, low image at a lower rate.
 
     Landmarks hang at about the camera's height, so a band around the image's middle holds them.
     """
@@ -214,7 +215,8 @@ ShutterTime = Annotated[float, Field(ge=0.0, le=0.2)]
 class AutoExposure(StrictModel):
     """Exposure control: brings the image's mean grey value to a target.
 
-    It shortens the exposure time of an image too bright; it amplifies one too dark, with its noise.
+    It shortens the exposure of images that are too bright; it amplifies dark ones, with their
+    noise.
     """
 
     target: Annotated[

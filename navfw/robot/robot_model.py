@@ -1,4 +1,4 @@
-"""The model of the robot: dimensions, limits, cameras; shared by stack and simulator."""
+"""Model the robot: dimensions, limits, cameras; shared by stack and simulator."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ JointNames = Annotated[tuple[str, ...], Field(min_length=1, max_length=10)]
 _RADIUS = 0.18  # chosen
 """Radius of the default robot [m]."""
 _RIM_INSET = 0.2  # chosen
-"""Distance of the centres of the discs along a footprint's rim from it, in half widths."""
+"""Distance of the centres of the discs along a footprint's rim from the rim, in half widths."""
 _MAX_LENS_ANGLE = math.radians(110.0)  # chosen
 """Largest half angle of view [rad]: fisheye lenses reach 220 degrees in all."""
 
@@ -31,7 +31,7 @@ _MAX_LENS_ANGLE = math.radians(110.0)  # chosen
 class OdometrySheet(StrictModel):
     """Error model of gyro and wheels, from their data sheets.
 
-    The stack knows these figures, never the errors of the simulated sensors.
+    The stack knows these figures, but never the errors of the simulated sensors.
     """
 
     gyro_noise: Annotated[
@@ -53,7 +53,7 @@ class OdometrySheet(StrictModel):
 
 
 class Footprint(StrictModel):
-    """The ground that a body covers: a rectangle around base_link."""
+    """The ground that a body covers: a rectangle around base_link, along its axes."""
 
     front: Annotated[float, Field(ge=0.02, le=3.0, description="reach ahead of base_link [m]")]
     rear: Annotated[float, Field(ge=0.02, le=3.0, description="reach behind base_link [m]")]
@@ -122,13 +122,13 @@ class DrivenUrdf(StrictModel):
 
 
 def _half_the_width(values: dict[str, Any]) -> float:
-    """Radius [m] of a robot that does not say it."""
+    """Return the radius [m] of a robot for which none is given."""
     footprint = values.get("footprint")
     return 0.5 * footprint.width if isinstance(footprint, Footprint) else _RADIUS
 
 
 def _steps(begin: float, end: float, longest: float) -> list[float]:
-    """Evenly spaced values from ``begin`` to ``end``, at most ``longest`` apart."""
+    """Return evenly spaced values from ``begin`` to ``end``, at most ``longest`` apart."""
     count = max(1, math.ceil((end - begin) / longest - 1e-9))
     return [begin + (end - begin) * index / count for index in range(count + 1)]
 
@@ -233,7 +233,7 @@ class RobotModel(StrictModel):
 
     @property
     def discs(self) -> tuple[tuple[float, float, float], ...]:
-        """Discs that stand for the body: centre x, y in base_link and radius [m].
+        """Discs that represent the body: centre x, y in base_link and radius [m].
 
         A round body is one disc. A rectangle has small ones along its whole rim, which reach beyond
         it by 8 % of its half width, and large ones along its middle.

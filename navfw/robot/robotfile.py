@@ -37,9 +37,9 @@ _SECTION = "robot"
 _URDF = ("urdf", "file")
 """Path of the key of a robot that names its URDF."""
 _PACKAGES = ("urdf", "packages")
-"""That of the key with folders of packages."""
+"""The path of the key with folders of packages."""
 _CALIBRATION = ("camera", "calibration")
-"""That of the key that names a calibration file."""
+"""The path of the key that names a calibration file."""
 
 
 class RobotSpec(RobotModel):
@@ -82,7 +82,7 @@ def with_section(mission: YamlDocument) -> YamlDocument:
 def with_robot(mission: YamlDocument, folder: Path) -> YamlDocument:
     """Return ``mission`` with all values of its robot: those of the named one, then its own.
 
-    A file is relative to ``folder``; one named by an option, to the working folder.
+    Paths of files are relative to ``folder``; one given by an option, to the working folder.
 
     Raises:
         UnknownNameError: there is no robot of that name.
@@ -106,7 +106,7 @@ def with_robot(mission: YamlDocument, folder: Path) -> YamlDocument:
 
 
 def _read(path: Path) -> YamlDocument:
-    """The robot file at ``path`` on top of the one that it is based on, not checked yet."""
+    """Read the robot file at ``path`` on top of the one that it is based on, unchecked."""
     return on_its_base(_load(path), path, "robot", load=_load)
 
 
@@ -118,7 +118,7 @@ def _load(path: Path) -> YamlDocument:
 
 
 def _measured(document: YamlDocument, at: KeyPath) -> YamlDocument:
-    """``document`` on top of what the URDF of its part ``at`` says of the robot."""
+    """Return ``document`` on top of the values measured from the URDF of its part ``at``."""
     part = document.at((*at, _URDF[0]))
     file = part.get(_URDF[1]) if isinstance(part, dict) else None
     lists = [part.get(key) or [] for key in ("packages", "args")] if isinstance(file, str) else []
@@ -134,7 +134,7 @@ def _measured(document: YamlDocument, at: KeyPath) -> YamlDocument:
 
 
 def _located(document: YamlDocument, at: KeyPath, folder: Path) -> YamlDocument:
-    """``document`` with the files that its part ``at`` names, from ``folder``.
+    """Return ``document`` with paths of the files that its part ``at`` names, from ``folder``.
 
     The path of the URDF is made absolute, the calibration is read.
     """
@@ -154,7 +154,7 @@ def _located(document: YamlDocument, at: KeyPath, folder: Path) -> YamlDocument:
 
 
 def _as_section(robot: YamlDocument) -> YamlDocument:
-    """A mission's document with nothing but this robot, without what is only for its file."""
+    """Return a mission's document with only this robot, without keys that only its file has."""
     data = {key: value for key, value in robot.data.items() if key in RobotModel.model_fields}
     origins = {(_SECTION, *path): origin for path, origin in robot.origins.items()}
     return YamlDocument(robot.file, {_SECTION: data}, MappingProxyType(origins))

@@ -1,4 +1,4 @@
-"""Poses of SDF, in worlds and in the <gazebo> elements of URDFs."""
+"""Convert poses of SDF, in worlds and in the <gazebo> elements of URDFs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from navfw.numerics import Array
 from navfw.robot.urdf_model import quaternion_matrix, rigid_transform
 
 _MAX = 1e6  # chosen
-"""Bound of coordinates [m] and angles."""
+"""Bound of coordinates [m] and angles [rad or degrees]."""
 
 
 def sdf_pose(pose: Element) -> Array:

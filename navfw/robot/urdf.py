@@ -1,7 +1,7 @@
-"""URDF files: read, and checked before PyBullet loads them, which a broken tree would crash.
+"""Read URDF files, and check them before PyBullet loads them, which a broken tree would crash.
 
-Only what concerns a robot on wheels is read. A file given as ``pybullet_data:husky/husky.urdf`` is
-one of those installed with PyBullet.
+Only the elements that a robot on wheels needs are read. A file given as
+``pybullet_data:husky/husky.urdf`` is one of those installed with PyBullet.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _BULLET_DATA = "pybullet_data:"
 _MAX_NAME = 200  # chosen
 """Longest name of a link or joint: PyBullet has room for 1024 bytes."""
 _TURN = 2.0 * math.pi  # defined
-"""Range [rad] within which a joint has a limit; a wheel has none."""
+"""Range [rad] within which a joint counts as limited; a wheel has no limit."""
 
 
 def urdf_path(name: str, folder: Path) -> Path:
@@ -108,7 +108,7 @@ def _parsed(path: Path, packages: tuple[str, ...], text: bytes) -> UrdfModel:
 
 
 def _named(root: Element, tag: str) -> dict[str, Element]:
-    """The elements of that tag by their names, each of which is there once."""
+    """Return the elements of that tag by their names, which must differ."""
     named: dict[str, Element] = {}
     for element in root.findall(tag):
         name = element.get("name", "")
@@ -124,7 +124,7 @@ def _named(root: Element, tag: str) -> dict[str, Element]:
 def _check_tree(
     links: dict[str, Element], joints: dict[str, UrdfJoint], at: dict[str, Element]
 ) -> None:
-    """Check that the joints, which stand ``at`` their elements, make one tree of all links."""
+    """Check that the joints, whose elements are ``at``, connect all links to one tree."""
     above: dict[str, str] = {}
     tree = nx.DiGraph((joint.parent, joint.child) for joint in joints.values())
     tree.add_nodes_from(links)
@@ -148,7 +148,7 @@ def _check_tree(
 
 
 def _unlimited(joint: Element) -> bool:
-    """Whether a revolute joint may turn more than once; it then becomes a continuous one."""
+    """Make a revolute joint continuous if it may turn more than once; return whether it may."""
     if joint.get("type") != "revolute":
         return False
     limit = joint.find("limit")
@@ -161,9 +161,9 @@ def _unlimited(joint: Element) -> bool:
 
 
 def _let_visuals_collide(links: dict[str, Element], joints: dict[str, UrdfJoint]) -> Iterator[str]:
-    """Let the body, and each wheel, collide as it is seen if it has no shape.
+    """Give the body, and each wheel, that has no collision shape its visuals as such.
 
-    A wheel is what turns without end and carries nothing. Gives the links that get shapes.
+    A wheel is a part that turns without end and carries nothing. Yields the links that get shapes.
     """
     moved = {joint.child: joint for joint in joints.values() if joint.movable}
     carriers = {joint.parent for joint in moved.values()}
@@ -204,9 +204,9 @@ def _collision(link: str, element: Element) -> UrdfCollision:
 
 
 def _inertials(links: dict[str, Element]) -> dict[str, tuple[float, Element]]:
-    """The mass [kg] and the <inertial> of each link that has a mass; others lose theirs.
+    """Return mass [kg] and <inertial> of each link that has a mass; remove those of others.
 
-    Moments that are not there become 0.
+    Missing moments become 0.
     """
     inertials = {}
     for name, link in links.items():

@@ -1,4 +1,4 @@
-"""The camera of a URDF: the sensor or link that looks ahead, its mount, and what Gazebo says of it.
+"""Find the camera of a URDF: the sensor or link that looks ahead, its mount, Gazebo's data.
 
 A camera looks along the x axis of its link, or of the pose of Gazebo's <sensor>; on an optical
 frame (x right, y down) along z. The camera of a robot looks ahead: yaw and roll are not supported.
@@ -24,13 +24,13 @@ from navfw.robot.sdf_pose import sdf_pose
 from navfw.robot.urdf_model import UrdfModel
 
 _SENSORS = ("camera", "rgbd_camera", "rgbd", "depth", "depth_camera", "multicamera")
-"""Types of Gazebo's sensors that give images, by preference."""
+"""Types of Gazebo's sensors that give images, the preferred ones first."""
 _MAX_SKEW = math.radians(5.0)  # chosen
-"""Largest yaw and roll [rad] of a camera that looks ahead: they are left out."""
+"""Largest yaw and roll [rad] of a camera that looks ahead: they are ignored."""
 _MAX_PITCH = 1.0  # defined
 """Bound of the pitch [rad] of a CameraModel."""
 _DOWN = -0.7  # chosen
-"""Upward component of a y axis below which the frame is an optical one."""
+"""Upward component of a y axis below which the frame counts as an optical one."""
 _OPTICAL = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 """Turns axes x ahead, z up into those of an optical frame."""
 _KEYS = {
@@ -39,14 +39,14 @@ _KEYS = {
     "height": "camera/image/height",
     "rate": "update_rate",
 }
-"""Keys of a camera, and where a <sensor> has them."""
+"""Keys of a camera, and their paths in a <sensor>."""
 
 
 @dataclass(frozen=True)
 class _CameraView:
-    """Where a camera at ``link`` is: ``frame`` (4, 4) in the root link, x ahead.
+    """A camera at ``link``: ``frame`` (4, 4) in the root link, x along its view.
 
-    Without a ``sensor`` it is a link that is called a camera; ``optical``: its link looks along z.
+    ``sensor`` is None for a link with the name of a camera; ``optical``: its link looks along z.
     """
 
     link: str
@@ -62,7 +62,7 @@ class _CameraView:
 
     @property
     def ahead(self) -> bool:
-        """Whether it looks ahead, its images upright."""
+        """Whether it looks ahead, with upright images."""
         yaw, pitch, roll = map(abs, self.angles)
         return pitch < _MAX_PITCH and max(yaw, roll) <= _MAX_SKEW
 
@@ -79,9 +79,9 @@ def _view(model: UrdfModel, link: str, sensor: Element | None = None) -> _Camera
 
 
 def _views(model: UrdfModel, link: str | None = None) -> list[_CameraView]:
-    """The cameras at ``link``, or at any: first what looks ahead, sensors by type, links by name.
+    """Return the cameras at ``link``, or all: first those that look ahead, sensors by type.
 
-    Links that are called cameras count where there is no sensor.
+    If there is no sensor, links whose names contain "camera", by name.
     """
     views = [
         _view(model, gazebo.get("reference", ""), sensor)
@@ -97,9 +97,9 @@ def _views(model: UrdfModel, link: str | None = None) -> list[_CameraView]:
 
 
 def camera_of(model: UrdfModel) -> tuple[dict[str, Any], str | None, float]:
-    """Keys of the camera that looks ahead, its link, and its height [m] above the root link.
+    """Return keys of the camera that looks ahead, its link, its height [m] above the root link.
 
-    Where none looks ahead it is the first, which ``mounted`` refuses. Without a camera the link is
+    If none looks ahead it is the first, which ``mounted`` refuses. Without a camera the link is
     None.
     """
     views = _views(model)
@@ -116,7 +116,7 @@ def camera_of(model: UrdfModel) -> tuple[dict[str, Any], str | None, float]:
 
 
 def mounted(camera: CameraModel, model: UrdfModel, link: str, origin: Array) -> CameraModel:
-    """``camera`` at ``link``; what the robot's file says of mount and pitch takes precedence.
+    """Return ``camera`` at ``link``; mount and pitch in the robot's file take precedence.
 
     Raises:
         ConfigError: the camera looks elsewhere than ahead, and no pitch is given.
@@ -141,7 +141,7 @@ def mounted(camera: CameraModel, model: UrdfModel, link: str, origin: Array) -> 
 
 
 def camera_assumed(model: UrdfModel, link: str, origin: Array) -> tuple[Assumption, ...]:
-    """What is taken of the camera at ``link``; ``origin`` (3,) [m] is base_link's in the root."""
+    """Return the assumptions about the camera at ``link``; ``origin`` is as in ``mounted``."""
     # links that are called cameras and look ahead are frames of one
     rest = [view for view in _views(model) if view.sensor is not None or not view.ahead]
     others = sorted({view.link for view in rest} - {link})

@@ -1,4 +1,4 @@
-"""The drive of a URDF: wheel joints, base_link, the camera at its link."""
+"""Derive the drive of a URDF: wheel joints, base_link, the camera at its link."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from navfw.robot.urdf_camera import mounted
 from navfw.robot.urdf_model import UrdfModel
 
 ACROSS = 0.99  # chosen
-"""Least absolute component of a wheel joint's unit axis to the side of the body."""
+"""Least absolute component of a wheel joint's unit axis along the body's y axis."""
 _RADIUS_TOLERANCE = 0.02  # chosen
 """Largest difference between a wheel's radius and its collision shape's, share of the radius."""
 
 
 @dataclass(frozen=True)
 class UrdfDrive:
-    """How a URDF is driven: the names of its wheel joints, left and right, each with its sense.
+    """The drive of a URDF: the names of its wheel joints, left and right, each with its sense.
 
     A ``sense`` is -1 if a positive speed drives backward. ``origin`` (3,) [m] is base_link in the
     root link's axes, on the floor where the body turns; ``supports`` (n, 2) [m] are the wheels'
-    contact points in base_link. ``held`` joints stay at 0.
+    contact points in base_link. Joints in ``held`` stay at 0.
     """
 
     left: tuple[str, ...]
@@ -49,7 +49,7 @@ def model_of(urdf: DrivenUrdf) -> UrdfModel:
 
 
 def with_urdf(robot: RobotModel, document: YamlDocument, at: KeyPath = ()) -> RobotModel:
-    """Check ``robot``, read from part ``at`` of the document, against its URDF; mount its camera.
+    """Check ``robot``, read from part ``at`` of the document, with its URDF; mount its camera.
 
     Raises:
         ConfigError: the URDF cannot be used; a joint is no wheel, or the robot lacks a footprint.
@@ -107,14 +107,14 @@ def urdf_drive(robot: RobotModel, model: UrdfModel | None = None) -> UrdfDrive:
 
 
 def _place(document: YamlDocument, at: KeyPath, *key: str | int) -> AbstractContextManager[None]:
-    """Give errors in the block the place of this key of the robot."""
+    """Context in which errors get the place of this key of the robot."""
     return document.locating((*at, *key), key=key_text(key))
 
 
 def _check_wheels(
     urdf: DrivenUrdf, wheel_radius: float, model: UrdfModel, document: YamlDocument, at: KeyPath
 ) -> None:
-    """Check that the named joints are wheels of this radius, each once."""
+    """Check that the named joints are wheels of this radius, each named once."""
     seen: set[str] = set()
     turning = {name: joint for name, joint in model.joints.items() if joint.movable}
     for side in ("left", "right"):

@@ -1,9 +1,8 @@
-"""What a URDF says of a robot, wheels, track, body and camera, and what its file says otherwise.
+"""Measure a robot in its URDF, wheels, track, body and camera; find values that disagree.
 
-A robot file on a URDF has these values beneath its own; ``--robot FILE.urdf`` has them alone.
-
-Of inertia, that which no body of that mass and size can have, and what would do: published files
-have 1 kg m^2 on a plate of 10 g, which makes a body that follows no command.
+A robot file on a URDF has these values beneath its own; ``--robot FILE.urdf`` has only these.
+Inertia that no body of that mass and size can have is replaced: published files have 1 kg m^2 on a
+plate of 10 g, which makes a body that follows no command.
 """
 
 from __future__ import annotations
@@ -34,18 +33,18 @@ from navfw.robot.urdf_model import (
 )
 
 _DENSITY = 1000.0  # derived
-"""Density [kg/m^3] of the cube that stands for a link without a shape: that of water."""
+"""Density [kg/m^3] of the cube that replaces a link without a shape: that of water."""
 
 _ROOM, _WIDE_ROOM = 1.5, 3.0  # chosen
 """Factors on the reach of a link's collision shapes, of which more may be seen, and on the size of
 the robot for one without a shape or with a mesh."""
 
 _MIN_MOMENT, _NEGLIGIBLE = 1e-3, 1e-3  # chosen
-"""Least principal moment as a part of the box's, a rod's about its own axis; and a moment that does
-not matter, as a part of the robot's mass times its squared size."""
+"""Least principal moment, as a share of the box's or a rod's about its own axis; and a moment that
+is negligible, as a share of the robot's mass times its squared size."""
 
 _ROUNDING = 1.02  # derived
-"""Largest principal moment over the sum of the others, which it cannot exceed but by rounding."""
+"""Largest principal moment over the sum of the others, which it exceeds only by rounding."""
 
 
 def impossible_inertias(
@@ -90,15 +89,15 @@ def impossible_inertias(
 
 
 _SKID = {"side_friction": 0.2, "skid": 0.08}  # measured
-"""What a body with two or more wheels on a side gets: the figures measured for Husky."""
+"""Values for a body with two or more wheels on a side: those measured for Husky."""
 _DIFFERENT = 0.02  # chosen
-"""Share by which a value of the robot file differs from the URDF's before it is told."""
+"""Share by which a value of the robot file may differ from the URDF's without a note."""
 _PLACES = 6  # chosen
 _OFF_THE_FLOOR = 0.03  # chosen
-"""Height [m] above the lowest wheel up to which another wheel, or a caster, is on the floor."""
+"""Height [m] above the lowest wheel up to which a wheel or caster counts as on the floor."""
 _FIXED = "is fixed"
 _TURNING = ("continuous", "revolute")
-"""Types of joints that steer what hangs on them."""
+"""Types of joints that steer the links below them."""
 
 
 def measured(model: UrdfModel, said: dict[str, Any]) -> dict[str, Any]:
@@ -145,7 +144,7 @@ def measured(model: UrdfModel, said: dict[str, Any]) -> dict[str, Any]:
 
 
 def _sides(model: UrdfModel, said: dict[str, Any]) -> tuple[list[str], list[str]]:
-    """The wheel joints, left and right: those named, or all pairs on the floor."""
+    """Return the wheel joints, left and right: those named, or all pairs on the floor."""
     if said.get("left") and said.get("right"):
         return list(said["left"]), list(said["right"])
     why = {joint.name: _no_wheel(model, joint) for joint in model.joints.values()}
@@ -168,7 +167,7 @@ def _sides(model: UrdfModel, said: dict[str, Any]) -> tuple[list[str], list[str]
 
 
 def _no_wheel(model: UrdfModel, joint: UrdfJoint) -> str:
-    """Why a joint moves no wheel that drives; "" if it may."""
+    """Return why a joint is not that of a driven wheel; "" if it may be."""
     if joint.kind != "continuous":
         return _FIXED if joint.kind == "fixed" else f"is {joint.kind} with limits"
     if abs(axis_across(model, joint.name)) < ACROSS:
@@ -178,7 +177,7 @@ def _no_wheel(model: UrdfModel, joint: UrdfJoint) -> str:
 
 
 def _casters(model: UrdfModel, wheels: list[UrdfJoint]) -> list[str]:
-    """Joints called casters, those of the other wheels and of balls on the floor, and swivels."""
+    """Return joints named casters, those of other wheels and balls on the floor, and swivels."""
     driven = {wheel.name for wheel in wheels}
     floor = min(_lowest(model, wheel.child) for wheel in wheels) + _OFF_THE_FLOOR
     low = {link for link in model.links if _lowest(model, link) <= floor}
@@ -196,7 +195,7 @@ def _casters(model: UrdfModel, wheels: list[UrdfJoint]) -> list[str]:
 
 
 def _lowest(model: UrdfModel, link: str) -> float:
-    """Height [m] of the lowest point of a link's shapes in the root link; of its origin if none."""
+    """Return the height [m] of a link's lowest point in the root link; its origin's if no shape."""
     frame = model.frame_of(link)
     extent = _extent(model, link, frame)
     return float(frame[2, 3] if extent is None else extent[0][2])
@@ -218,13 +217,13 @@ def _radius(model: UrdfModel, wheel: UrdfJoint) -> float | None:
 
 
 def _points(corners: Array, frame: Array) -> Array:
-    """Points (N, 3) [m] at ``frame`` (4, 4)."""
+    """Return points (N, 3) [m] moved by ``frame`` (4, 4)."""
     points: Array = product(corners, frame[:3, :3].T) + frame[:3, 3]
     return points
 
 
 def _extent(model: UrdfModel, link: str, at: Array | None = None) -> tuple[Array, Array] | None:
-    """Least and greatest (3,) [m] of a link's shapes, the link ``at`` a frame; None without any."""
+    """Return least and largest (3,) [m] of a link's shapes, in ``at``'s axes; None if no shape."""
     lows, highs = [], []
     for collision in (c for c in model.collisions if c.link == link):
         frame = collision.frame if at is None else product(at, collision.frame)
@@ -247,7 +246,7 @@ def _extent(model: UrdfModel, link: str, at: Array | None = None) -> tuple[Array
 
 
 def robot_notes(robot: RobotModel) -> tuple[str, ...]:
-    """Return where the values of a checked robot are other than its URDF's."""
+    """Say where values of a checked robot differ from its URDF's; () if nowhere."""
     urdf = robot.urdf
     if urdf is None:
         return ()
@@ -261,7 +260,7 @@ def robot_notes(robot: RobotModel) -> tuple[str, ...]:
 
 
 def robot_assumed(robot: RobotModel) -> tuple[Assumption, ...]:
-    """Return what is taken of a checked robot that its URDF does not say, or says impossibly."""
+    """Return the assumptions on a checked robot that its URDF leaves open, or has impossible."""
     urdf = robot.urdf
     if urdf is None:
         return ()
@@ -307,12 +306,12 @@ _BY_SPEEDS = "the robot steers by the speeds of its wheels"
 
 
 def _read(robot: RobotModel, urdf: DrivenUrdf, model: UrdfModel) -> dict[str, Any]:
-    """What the URDF says of the robot."""
+    """Return the values measured from the URDF of the robot."""
     return measured(model, urdf.model_dump() | {"wheel_radius": robot.wheel_radius})
 
 
 def _pairs(at: str, read: dict[str, Any], own: dict[str, Any]) -> list[tuple[str, float, float]]:
-    """Keys with the numbers of both, of the parts that the robot has."""
+    """Return keys with the numbers of both, where both have one."""
     pairs = []
     for key, value in read.items():
         other = own.get(key)

@@ -1,4 +1,4 @@
-"""Mesh files of a URDF: where they are, their points, and the file that PyBullet loads."""
+"""Find and read mesh files of a URDF, and write the file that PyBullet loads."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _PACKAGE, _FILE = re.compile("(package|model)://"), "file://"
 _ONE_TRIANGLE = 84 + 50  # defined
 """Length of a binary STL file with one triangle [bytes]."""
 _MAX_TRIANGLES = 500_000  # chosen
-"""Of a mesh that collides."""
+"""Largest number of triangles of a mesh that collides."""
 _MAX_SIZE = 20.0  # chosen
 """Largest extent of a robot's mesh [m]: one of 30 cm in millimetres is 300 m large."""
 
@@ -45,7 +45,7 @@ def mesh_path(model: UrdfModel, name: str) -> Path | None:
 def check_meshes(model: UrdfModel) -> None:
     """Check that the files of all meshes that collide exist; PyBullet would drop the shape.
 
-    Those that are only seen may be missing: no camera sees its own robot. None may be empty.
+    Meshes that are only seen may be missing: no camera sees its own robot. None may be empty.
     """
     colliding = set(model.root.iterfind("link/collision/geometry/mesh"))
     for mesh in model.root.iter("mesh"):
@@ -64,7 +64,7 @@ def check_meshes(model: UrdfModel) -> None:
 
 
 def _is_empty(file: Path) -> bool:
-    """Whether a mesh file has no triangle, where that is easily found, or no byte."""
+    """Return whether a mesh file has no triangle, if that is easily found, or no byte."""
     content = read_input(file)
     if file.suffix.lower() == ".stl":
         return b"facet" not in content and len(content) < _ONE_TRIANGLE
@@ -74,7 +74,7 @@ def _is_empty(file: Path) -> bool:
 
 
 def mesh_corners(model: UrdfModel, collision: UrdfCollision) -> Array:
-    """The corners (N, 3) [m] of the triangles of a mesh that collides, in its own axes.
+    """Return the corners (N, 3) [m] of the triangles of a mesh that collides, in its own axes.
 
     Raises:
         ConfigError: the mesh cannot be read, or is so large that its scale must be wrong.
@@ -135,7 +135,7 @@ def loadable_urdf(model: UrdfModel, folder: Path) -> Path:
 
 
 def _binary_stl(corners: Array) -> bytes:
-    """The content of an STL file of triangles (M, 3, 3)."""
+    """Return the content of an STL file of triangles (M, 3, 3)."""
     facets = np.zeros(len(corners), [("normal", "<f4", 3), ("at", "<f4", (3, 3)), ("end", "<u2")])
     facets["at"] = corners
     return bytes(80) + np.uint32(len(corners)).tobytes() + facets.tobytes()

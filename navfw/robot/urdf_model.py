@@ -1,4 +1,4 @@
-"""What is read of a URDF file: the frames of links and joints, collision shapes, masses."""
+"""Hold the data of a URDF file: the frames of links and joints, collision shapes, masses."""
 
 from __future__ import annotations
 
@@ -53,8 +53,8 @@ class UrdfJoint:
 class UrdfCollision:
     """A collision shape of a link: the element in its <geometry>, at ``frame`` (4, 4) in the link.
 
-    ``size`` (3,) [m] is that of a box, cylinder, capsule or sphere along its own axes, None for a
-    mesh; ``radius`` [m] is that of a round one, otherwise 0.
+    ``size`` (3,) [m] is the extent of a box, cylinder, capsule or sphere along its own axes, None
+    for a mesh; ``radius`` [m] is that of a round shape, otherwise 0.
     """
 
     link: str
@@ -66,11 +66,11 @@ class UrdfCollision:
 
 @dataclass(frozen=True)
 class UrdfModel:
-    """A URDF file: its joints by name, links and collision shapes.
+    """The data of a URDF file: its joints by name, links and collision shapes.
 
     ``root`` is its XML, ``packages`` the folders to search for packages of ROS. ``inertials`` are
     the masses [kg] and <inertial> elements of links with a mass. ``unlimited`` are revolute joints
-    that count as continuous, ``seen`` links that collide as they are seen.
+    that count as continuous, ``seen`` links that collide by their visuals.
     """
 
     file: Path
@@ -85,12 +85,12 @@ class UrdfModel:
 
     @cached_property
     def wheel_radii(self) -> dict[str, float]:
-        """Radii [m] of the links whose collision shape is one cylinder or sphere."""
+        """Radii [m], by link, of links with only one collision shape, a cylinder or sphere."""
         counts = Counter(collision.link for collision in self.collisions)
         return {c.link: c.radius for c in self.collisions if counts[c.link] == 1 and c.radius}
 
     def above(self, link: str) -> list[UrdfJoint]:
-        """The joints from ``link`` up to the root link."""
+        """Return the joints from ``link`` up to the root link."""
         by_child = {joint.child: joint for joint in self.joints.values()}
         chain: list[UrdfJoint] = []
         while link in by_child:
@@ -107,7 +107,7 @@ class UrdfModel:
 
 
 def is_shaped(element: Element) -> bool:
-    """Whether a <collision> or <visual> has one shape of SHAPES."""
+    """Return whether a <collision> or <visual> has exactly one shape of SHAPES."""
     shapes = element.findall("geometry/*")
     return len(shapes) == 1 and set(SHAPES.get(shapes[0].tag, ("",))) <= set(shapes[0].keys())
 
@@ -121,7 +121,7 @@ def origin_frame(origin: Element | None) -> Array:
 
 
 def rigid_transform(x: float, y: float, z: float, roll: float, pitch: float, yaw: float) -> Array:
-    """Make the transform (4, 4) of a shift [m] and turns [rad] about fixed axes, roll first."""
+    """Make the transform (4, 4) of a translation [m] and turns [rad] about fixed axes, x first."""
     (cr, sr), (cp, sp), (cy, sy) = ((math.cos(a), math.sin(a)) for a in (roll, pitch, yaw))
     return np.array(
         [
@@ -134,7 +134,7 @@ def rigid_transform(x: float, y: float, z: float, roll: float, pitch: float, yaw
 
 
 def quaternion_matrix(x: float, y: float, z: float, w: float) -> Array:
-    """Make the rotation (3, 3) of a unit quaternion."""
+    """Make the rotation matrix (3, 3) of a unit quaternion."""
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],

@@ -1,8 +1,8 @@
-"""Xacro files expanded to URDF, by xacrodoc, in a process with bounded time and memory.
+"""Expand xacro files to URDF, by xacrodoc, in a process with bounded time and memory.
 
-Xacro evaluates expressions of the file by Python's ``eval``, whose ban on builtins is known to be
-no protection. Here an expression may calculate, compare, choose and call the functions that xacro
-offers: generators, names with an underscore, formatting and the namespace ``python`` are refused.
+Xacro evaluates expressions of the file by Python's ``eval``, whose ban on builtins is known not to
+protect. Here an expression may calculate, compare, choose and call the functions that xacro offers:
+generators, names with an underscore, formatting and the namespace ``python`` are refused.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ from navfw.config.lookup import package_folders
 from navfw.errors import ConfigError, did_you_mean
 
 _SECONDS = 20  # measured
-"""Longest time that an expansion takes [s]; that of a big robot takes 2 s."""
+"""Longest time [s] of an expansion; a big robot takes 2 s."""
 _MEMORY = 2_000_000_000  # chosen
-"""Most memory that it takes [bytes]."""
+"""Largest memory [bytes] of an expansion."""
 _ALLOWED = (
     *(ast.Expression, ast.Constant, ast.Name, ast.Load, ast.Attribute, ast.Subscript, ast.Slice),
     *(ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare, ast.IfExp, ast.Call, ast.keyword),
     *(ast.List, ast.Tuple, ast.Dict, ast.operator, ast.unaryop, ast.boolop, ast.cmpop),
 )
 _ARG = r"(?:\$\(arg\s+|\barg\([\"'])([\w.-]+)"
-"""Where a file uses an argument."""
+"""Matches the use of an argument in a file."""
 _UNDEFINED = "Undefined substitution argument"
-"""What xacro says of an argument without a value."""
+"""Xacro's message on an argument without a value."""
 _REFUSED = {"format", "format_map"}
 """Methods that reach any attribute by its name."""
 
@@ -87,7 +87,7 @@ def expand_xacro(path: Path, packages: tuple[str, ...], args: tuple[str, ...] = 
 
 
 def _check_expression(text: str) -> None:
-    """Check that an expression of a xacro file can do no more than calculate.
+    """Check that an expression of a xacro file does nothing but calculate.
 
     Raises:
         ValueError: it has a part that is refused; SyntaxError where it is no expression.
@@ -100,7 +100,7 @@ def _check_expression(text: str) -> None:
 
 
 def _expanded(path: str, args: dict[str, str], packages: list[str]) -> dict[str, Any]:
-    """What the process answers: the text and the files read, or the error."""
+    """Return the answer of the process: the text and the files read, or the error."""
     import xacro
     from xacro import substitution_args
     from xacrodoc import XacroDoc
@@ -142,7 +142,7 @@ def _expanded(path: str, args: dict[str, str], packages: list[str]) -> dict[str,
 
 
 def main() -> None:
-    """Expand the file named by the first argument; then its arguments, folders with packages."""
+    """Expand a file; words: its path, its arguments as JSON, folders with packages."""
     with contextlib.suppress(ImportError):  # Windows: the time alone is bounded
         import resource
 

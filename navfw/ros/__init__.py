@@ -1,4 +1,4 @@
-"""The robots that people have: bags of ROS, replayed by the stack."""
+"""Drive robots of ROS 2 as a node, or be one; run the stack on bags of ROS."""
 
 import lazy_loader
 

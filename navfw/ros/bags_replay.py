@@ -1,4 +1,4 @@
-"""The stack on a bag: what it would have commanded, beside what the robot was."""
+"""Run the stack on a bag: compare its commands with those that moved the robot."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ from navfw.stack import ShadowStack
 from navfw.topomap import Passage, Place, TopoMap
 
 _GAP = 0.5
-"""Time [s] without a reading of the wheels from which on they are silent; between two that are
-nearer, counts are interpolated: a drive has them one interval later."""
+"""Time [s] without a reading of the wheels from which they count as silent; between two readings
+that are nearer, counts are interpolated: a drive has them one interval later."""
 _SLACK = 1e-6
 """Rounding of times [s]."""
 _DELAY = 1.0
-"""Largest time [s] from an image's stamp to its reception, and that a command of the bag holds."""
+"""Largest time [s] from an image's stamp to its reception; a command of the bag holds so long."""
 _LEG = 2.0
 """Distance [m] of the places along a way that was driven."""
 
 
 def _gyro(bag: recording.Bag | FolderDrive) -> Array:
-    """(n, 4) the rates by the gyro, or else by the wheels, about the vertical alone."""
+    """Return the rates (n, 4) by the gyro, or else by the wheels, only about the vertical."""
     if len(bag.gyro) or len(bag.odometry) < 2:
         return bag.gyro
     bag.notes.append("there is no gyro: turns are those of the wheels")
@@ -50,9 +50,9 @@ def _gyro(bag: recording.Bag | FolderDrive) -> Array:
 
 
 class BagReadings:
-    """The readings of ``robot`` in ``bag`` at its control rate, for a single iteration.
+    """The readings of ``robot`` in ``bag`` at its control rate; to be iterated once.
 
-    With ``only_gyro`` turns of a bag without a gyro are unknown, not those of the wheels.
+    With ``only_gyro`` the rates of a bag without a gyro are unknown, not those of the wheels.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class BagReadings:
                 last = now
 
     def _inertial(self, last: float, now: float) -> Inertial:
-        """The mean rates since ``last`` [s], or the last ones before."""
+        """Return the mean rates since ``last`` [s], or the last ones before."""
         times = self._gyro[:, 0]
         begin, end = np.searchsorted(times, [last + _SLACK, now + _SLACK]).tolist()
         if end == 0:
@@ -112,7 +112,7 @@ class BagReadings:
         return Encoders(min(taken, now), round(float(ticks[0])), round(float(ticks[1])))
 
     def _frame(self, item: recording.BagImage) -> Frame | None:
-        """The image as the robot's camera takes it; None, and a note, if it is damaged."""
+        """Return the image in the camera's size; None, and a note, if it is damaged."""
         try:
             grey = grey_image(item.message, item.name)
         except InputError as error:
@@ -123,14 +123,14 @@ class BagReadings:
 
 
 def _due(item: recording.BagImage) -> float:
-    """When an image was delivered [s]: as received, if stamps are on the same clock."""
+    """Return when [s] an image was delivered: as received, if stamps are on the same clock."""
     return item.received if 0.0 <= item.received - item.time <= _DELAY else item.time
 
 
 def driven_map(bag: recording.Bag) -> TopoMap:
-    """A map of the way that the bag's wheels drove, from its start at the origin.
+    """Make a map of the path that the bag's wheels drove, with its start at the origin.
 
-    It has a place every two metres; without a way it leads two metres ahead.
+    It has a place every two metres; if the robot did not move it leads two metres ahead.
     """
     points = [(0.0, 0.0)]
     if len(bag.odometry):
@@ -146,9 +146,9 @@ def driven_map(bag: recording.Bag) -> TopoMap:
 
 
 class BagReplay:
-    """The stack called ``stack_name`` on the readings of ``bag``, for ``robot`` on ``topo_map``.
+    """Runs the stack ``stack_name`` on the readings of ``bag``, for ``robot`` on ``topo_map``.
 
-    From ``start`` (None: unknown) it heads for the places ``goals``; the robot does what it did.
+    From ``start`` (None: unknown) it heads for the places ``goals``; the robot moves as it did.
 
     Raises:
         UnknownNameError: there is no such stack, or place on the map.
@@ -184,7 +184,7 @@ class BagReplay:
     def run(
         self, target: recording.RunFolder, progress: Callable[[int, int], None] = lambda *_: None
     ) -> dict[str, Any]:
-        """Replay the whole bag into a run folder; ``progress`` takes ticks done, and all.
+        """Replay the whole bag into a run folder; ``progress`` takes the ticks done, and all ticks.
 
         Returns the content of its result.
 
@@ -221,14 +221,14 @@ class BagReplay:
         return result
 
     def _driven(self, now: float) -> Twist | None:
-        """What the bag's robot was commanded at ``now`` [s]; None if nothing is known."""
+        """Return the command of the bag's robot at ``now`` [s]; None if unknown."""
         commands = self._bag.commands
         at = int(np.searchsorted(commands[:, 0], now, side="right")) - 1
         known = at >= 0 and now - commands[at, 0] <= _DELAY
         return Twist(*commands[at, 1:].tolist()) if known else None
 
     def _reason(self) -> str:
-        """Why the stack stands, if it does."""
+        """Return why the stack stands, if it does."""
         state, safety = self._stack.state, self._stack.safety
         if safety.senses.camera_age > safety.params.camera_stop:
             return safety.senses.trouble or "the camera is silent"
@@ -260,7 +260,7 @@ class BagReplay:
         }
 
     def _compared(self, rows: Array) -> list[str]:
-        """The commands of the stack beside the bag's, and why it stood."""
+        """Compare the commands of the stack with the bag's, and say why it stood."""
         both = rows[np.isfinite(rows[:, 3])]
         notes = [] if len(both) else ["the bag has no commands to compare with"]
         if len(both):

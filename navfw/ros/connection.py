@@ -1,4 +1,4 @@
-"""A node of ROS 2 that sends and receives serialised messages; made from rclpy alone.
+"""A node of ROS 2 that sends and receives serialized messages; made only from rclpy.
 
 Messages are read and written by the types of rosbags, as those of bags are.
 """
@@ -15,18 +15,18 @@ from navfw.errors import ConfigError, InputError, did_you_mean
 from navfw.recording import deserialize_cdr
 
 Quality = Literal["sensor", "reliable", "latched"]
-"""Quality of service: best effort as of sensor data, reliable, or kept for those that join late."""
+"""Quality of service: best effort as of sensor data, reliable, or kept for late subscribers."""
 
 _DEPTH, _IMAGES, _MAX_TAKEN = 100, 5, 500
-"""Messages that wait in a queue, images, and what is taken in before the caller has its turn."""
+"""Messages that wait in a queue, images in one, and messages handled before ``spin`` returns."""
 _PACED = 0.3
-"""Time [s] of the wall clock over which the pace of a simulated one is measured."""
+"""Wall time [s] over which the pace of a simulated clock is measured."""
 _MAX_NOTES = 100
-"""Notes that are kept: hostile messages could give any number."""
+"""Largest number of notes: hostile messages could cause any number."""
 
 
 class RosNode:
-    """A node called ``name``; ``arguments`` are what follows ``--ros-args``.
+    """A node called ``name``; ``arguments`` are the words after ``--ros-args``.
 
     Subscriptions are called by ``spin``, in the thread that calls it. ``notes`` are of topics whose
     types are not installed here, and of messages that cannot be read; ``declared`` are the
@@ -63,7 +63,7 @@ class RosNode:
         self._clock, self._pace = (0.0, 0.0), 1.0
 
     def parameter(self, name: str, default: Any) -> Any:
-        """The parameter called ``name``, of the type of ``default``.
+        """Return the parameter called ``name``, which must have the type of ``default``.
 
         Raises:
             ConfigError: it has another type.
@@ -102,14 +102,14 @@ class RosNode:
         self._node.add_on_set_parameters_callback(take)
 
     def now(self) -> int:
-        """The time of the node's clock [ns]: simulated with ``use_sim_time``."""
+        """Return the time of the node's clock [ns]: simulated with ``use_sim_time``."""
         return int(self._node.get_clock().now().nanoseconds)
 
     def seconds(self) -> float:
-        """The time [s] by which silence is judged: that of the wall clock, at the clock's pace.
+        """Return the time [s] by which silence is judged: the wall clock's, at the clock's pace.
 
-        With ``use_sim_time`` the simulated clock goes on at its last pace where it stands, so that
-        a slow simulation is not silent, and one that has ended is.
+        With ``use_sim_time`` a simulated clock that stands still is continued at its last pace, so
+        that a slow simulation is not silent, and one that has ended is.
         """
         wall, (at, told) = time.monotonic(), self._clock
         return wall if told == 0.0 else told + self._pace * (wall - at)
@@ -126,7 +126,7 @@ class RosNode:
     def publisher(
         self, topic: str, kind: str, quality: Quality = "reliable"
     ) -> Callable[[bytes], None]:
-        """What publishes a serialised message of ``kind``; nothing where its type is missing."""
+        """Return a function that publishes serialized messages of ``kind``, if installed."""
         message = self._kind(topic, kind)
         if message is None:
             return lambda _: None
@@ -166,7 +166,7 @@ class RosNode:
             self._node.create_subscription(message, topic, take, profile, raw=True)
 
     def serve(self, name: str, answer: Callable[[], str]) -> None:
-        """Offer a service ``std_srvs/Trigger``: its message is what ``answer`` returns."""
+        """Offer a service ``std_srvs/Trigger`` that responds with the text of ``answer()``."""
         trigger = _module("std_srvs.srv").Trigger
 
         def serve(_: Any, response: Any) -> Any:
@@ -178,9 +178,9 @@ class RosNode:
     def serve_action(
         self, name: str, kind: str, begin: Callable[[Any], bool], cancel: Callable[[], object]
     ) -> Callable[[bool], None]:
-        """Offer an action where its type is installed; ``begin`` says whether it takes a goal.
+        """Offer an action if its type is installed; ``begin`` returns whether it takes a goal.
 
-        What is returned ends the goals that were taken: with success, or without.
+        The function returned ends the goals that were taken: with success, or without.
         """
         action = self._kind(name, kind)
         if action is None:
@@ -231,7 +231,7 @@ class RosNode:
         self._node.trigger_activate()
 
     def spin(self, seconds: float) -> None:
-        """Take in all that has arrived; wait up to ``seconds`` for the first of it."""
+        """Handle all messages that have arrived; wait up to ``seconds`` for the first one."""
         for number in range(_MAX_TAKEN):
             try:
                 wait = seconds if number == 0 else 0.0
@@ -243,13 +243,13 @@ class RosNode:
             self._follow_clock()
 
     def spin_for(self, seconds: float) -> None:
-        """Take in all that arrives within ``seconds`` of wall-clock time."""
+        """Handle all messages that arrive within ``seconds`` of wall-clock time."""
         end = time.monotonic() + seconds
         while (left := end - time.monotonic()) > 0.0:
             self.spin(left)
 
     def note(self, text: str) -> None:
-        """Say ``text`` once, whatever its numbers are."""
+        """Log ``text`` as a warning, and add it to ``notes``, once, whatever its numbers are."""
         kind = re.sub(r"[-+.\d]+", "", text)
         if kind not in self._noted and len(self.notes) < _MAX_NOTES:
             self._noted.add(kind)
@@ -261,13 +261,13 @@ class RosNode:
         self._node.get_logger().info(text)
 
     def close(self) -> None:
-        """Leave the graph."""
+        """Leave the graph of nodes."""
         self._executor.shutdown()
         self._node.destroy_node()
         self._rclpy.try_shutdown()
 
     def has_type(self, kind: str) -> bool:
-        """Whether messages of ``kind`` can be sent here."""
+        """Return whether messages of ``kind`` can be sent here."""
         return self._kind("", kind) is not None
 
     def _kind(self, topic: str, kind: str) -> Any:

@@ -1,4 +1,4 @@
-"""``navfw ros drive``: a node of ROS 2 around the stack."""
+"""``navfw ros drive``: run the stack as a node of ROS 2."""
 
 from __future__ import annotations
 
@@ -31,20 +31,20 @@ from navfw.stack.sensing_stack import SensingStack
 _MAX_AGE = 0.2
 """Age [s] of the last command at which the robot is told to stand, whatever the stack does."""
 _SILENT = 0.15
-"""Time [s] without wheels after which ticks go by the other sensors, and the wheels do not count.
+"""Time [s] without wheels after which ticks follow the other sensors, and wheels are ignored.
 Wheels of 10 Hz may be late by half their period, and a command may be 0.2 s old."""
 _ODD, _MAX_PERIOD = 0.75, 0.1
 """Least time between two ticks, in periods; longest one [s] that the controller counts with."""
 _MAX_EARLY = 30
 """Images that are left out while their camera_info is published and has not come."""
 _STILL = 0.02
-"""Speed [m/s] and turning rate [rad/s] up to which the robot stands."""
+"""Speed [m/s] and turning rate [rad/s] up to which the robot counts as standing."""
 _STAND = Twist(0.0, 0.0)
 _STOPPED, _INACTIVE = "stopped by ~/stop", "inactive"
-"""What holds the robot."""
+"""Reasons why the robot is held."""
 _TF = "tf2_msgs/msg/TFMessage"
 _SNAP = 240.0
-"""Rate [Hz] of whose steps the times of ``navfw ros sim`` are multiples."""
+"""Rate [Hz] of the steps of which the times of ``navfw ros sim`` are multiples."""
 
 TOPICS: Mapping[str, tuple[str, str]] = {
     "image": ("sensor_msgs/msg/Image", "the camera; with `compressed`, image/compressed"),
@@ -61,12 +61,12 @@ TOPICS: Mapping[str, tuple[str, str]] = {
     "initialpose": ("geometry_msgs/msg/PoseWithCovarianceStamped", "where the robot is"),
     NAME_PLACE: ("std_msgs/msg/String", "names the robot's place on a growing map"),
 }
-"""What the node takes in: type, and what it is."""
+"""Topics that the node subscribes to: type, and meaning."""
 
 
 @dataclass(frozen=True)
 class DriveOptions:
-    """Where a drive begins (None: unknown) and goes; ``once``: it ends there."""
+    """Where a drive begins (None: unknown) and goes; ``once``: it ends at the last goal."""
 
     start: Pose | None
     goals: tuple[Waypoint, ...]
@@ -75,7 +75,7 @@ class DriveOptions:
 
 
 class DriveNode:
-    """Drives one robot by ``stack``, until it is told to end; ``outputs`` tell what it does.
+    """Drives one robot by ``stack``, until a signal; ``outputs`` publish its state.
 
     A stack that only perceives commands nothing. With a ``keeper`` of the map that grows there are
     no other goals than those of ``options``, and no other start: the map begins there. Parameters
@@ -195,11 +195,11 @@ class DriveNode:
             self._images = message.header.frame_id.split("+")[1:]
 
     def _take_base(self, message: Any) -> None:
-        """Keep the robot's own odometry: then it publishes the transform to base_link."""
+        """Keep the robot's own odometry: the robot then publishes the transform to base_link."""
         self._base = Pose(*planar_pose(message))
 
     def _take_goal(self, message: Any) -> bool:
-        """Go where a ``PoseStamped`` is, in ``map``; whether that is possible."""
+        """Go to the position of a ``PoseStamped`` in ``map``; return whether that is possible."""
         try:
             return self._go_to(posed_goal(self._stack.topo_map, message))
         except InputError as error:
@@ -265,7 +265,7 @@ class DriveNode:
     # --- the loop --------------------------------------------------------------------------------
 
     def run(self, about: str) -> str:
-        """Drive until a signal or, for a single drive, its end; how it ended, in a sentence.
+        """Drive until a signal or, with ``once``, the end; return how it ended, in a sentence.
 
         ``about`` says what drives, for the log.
         """
@@ -278,13 +278,13 @@ class DriveNode:
             return ended
 
     def begin(self) -> None:
-        """Start the stack; raises as ``Stack.start``."""
+        """Start the stack; raises the errors of ``Stack.start``."""
         self._stack.start(self._options.start, self._options.goals)
 
     def advance(self, seconds: float) -> str:
-        """Wait up to ``seconds`` [s] for messages, and do all ticks that are due; after ``begin``.
+        """Wait up to ``seconds`` [s] for messages, and run all ticks that are due; after ``begin``.
 
-        Returns how a drive with ``once`` ended, in a sentence; else, and while held, no text.
+        Returns how a drive with ``once`` ended, in a sentence; "" if it goes on or is held.
         """
         self._node.spin(seconds)
         began, readings = self._node.seconds(), list(self._due())
@@ -313,7 +313,7 @@ class DriveNode:
 
     @contextmanager
     def _guarded(self) -> Any:
-        """Whatever ends this context, the robot stands; and it stands while no command is new."""
+        """Context that stops the robot at its end, and while no command is new."""
         over = threading.Event()
 
         def watch() -> None:
@@ -333,7 +333,7 @@ class DriveNode:
                 time.sleep(0.02)
 
     def _due(self) -> Iterable[SensorReading]:
-        """The readings of the ticks that are due."""
+        """Return the readings of the ticks that are due."""
         inputs, new = self._inputs, self._latest - self._stepped
         if self._options.lockstep:
             due = new > 0.0 and inputs.complete(self._latest, self._images)
@@ -359,7 +359,7 @@ class DriveNode:
         return self._stack.step(reading)
 
     def _stand(self) -> None:
-        """Tell the robot to stand, until the next tick."""
+        """Command the robot to stand, until the next tick."""
         # in lock step it waits for the command of its tick, as long as it takes
         if self._steers and not self._options.lockstep:
             self._halted = True
@@ -388,7 +388,7 @@ class DriveNode:
             self._status(text_message(json.dumps(status)))
 
     def _ended(self) -> str:
-        """How the drive has ended; nothing while it goes on."""
+        """Return how the drive has ended; "" while it goes on."""
         state = self._stack.state
         if state.fault is not None:
             return f"fault: {state.fault.reason}"

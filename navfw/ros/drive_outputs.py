@@ -1,4 +1,4 @@
-"""What a driving node tells: where the robot is and goes, what it sees, and why; serialised."""
+"""Publish the state of a driving node: pose, path, local map, image, and explanations."""
 
 from __future__ import annotations
 
@@ -32,26 +32,26 @@ TOPICS = {
     "navfw/image/compressed": "sensor_msgs/msg/CompressedImage",
     "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
 }
-"""Topics of what is told, and their types."""
+"""Topics that are published, and their types."""
 _RATES = {
     "navfw/explanation": 2.0,
     "navfw/local_map": 2.0,
     "navfw/image/compressed": 5.0,
     "/diagnostics": 1.0,
 }
-"""How often each output is made at most [Hz]."""
+"""Largest rate of each output [Hz]."""
 _LATENCIES = 10_000
-"""Latencies kept for the median."""
+"""Number of latencies kept for the median."""
 _ENLARGED = 3
 _LINE, _LETTERS, _MARGIN = 18, 0.45, 6
 """Height of a line of text [px], size of its letters, and margin [px]."""
 
 
 class DriveOutputs:
-    """What ``node`` tells of ``stack``'s decisions, each at its rate.
+    """Publishes the decisions of ``stack`` on ``node``, each topic at its rate.
 
     ``topics`` are those that are published, with their types; ``latencies`` [s] are the newest
-    from an image's stamp to the command.
+    times from an image's stamp to the command.
     """
 
     def __init__(self, node: RosNode, stack: Stack, topics: Mapping[str, str] = TOPICS) -> None:
@@ -64,10 +64,10 @@ class DriveOutputs:
         }
 
     def tell(self, frame: Frame, base: Pose | None, ended: str, now: int) -> None:
-        """Publish what is to be seen of the last decision, made of ``frame``, at ``now`` [ns].
+        """Publish the state after the last decision, made on ``frame``, at ``now`` [ns].
 
-        ``base`` is the robot's own odometry, if it tells where ``base_link`` is. ``ended`` is why
-        the robot does not drive, or empty.
+        ``base`` is the robot's own odometry, if it publishes the transform to ``base_link``.
+        ``ended`` is why the robot does not drive, or "".
         """
         stack, state, send = self._stack, self._stack.state, self._publish
         camera, grid = stack.robot.camera, stack.local_map.occupancy
@@ -90,7 +90,7 @@ class DriveOutputs:
             send["/diagnostics"](diagnostics_message(level, summary, values, now))
 
     def _turn_of(self, topic: str) -> bool:
-        """Whether the output is due, and wanted by someone."""
+        """Return whether the output is due, and has a subscriber."""
         now = time.monotonic()
         if now < self._told.get(topic, 0.0) or not self._node.wanted(topic):
             return False
@@ -98,7 +98,7 @@ class DriveOutputs:
         return True
 
     def latency(self) -> Mapping[str, float]:
-        """From an image's stamp to the command [ms]: median and 99th percentile."""
+        """Return the latency from an image's stamp to the command [ms]: median, 99th percentile."""
         if not self.latencies:
             return {}
         p50, p99 = np.percentile(1e3 * np.array(self.latencies), [50, 99]).round(1).tolist()
@@ -106,21 +106,21 @@ class DriveOutputs:
 
 
 def pose_message(belief: Belief, now: int) -> bytes:
-    """``PoseWithCovarianceStamped`` of ``base_link`` in ``map``."""
+    """Encode ``PoseWithCovarianceStamped`` of ``base_link`` in ``map``."""
     pose = {"pose": pose_fields(belief.pose.x, belief.pose.y, belief.pose.yaw)}
     fields = {"pose": {**pose, "covariance": in_space(belief.covariance)}}
     return _in("map", "geometry_msgs/msg/PoseWithCovarianceStamped", fields, now)
 
 
 def path_message(belief: Belief, path: Sequence[Waypoint], now: int) -> bytes:
-    """``Path`` in ``map`` from the robot through the waypoints."""
+    """Encode ``Path`` in ``map`` from the robot through the waypoints."""
     points = [(belief.pose.x, belief.pose.y), *((point.x, point.y) for point in path)]
     poses = [{"header": {"frame_id": "map"}, "pose": pose_fields(x, y, 0.0)} for x, y in points]
     return _in("map", "nav_msgs/msg/Path", {"poses": poses}, now)
 
 
 def local_map_message(grid: OccupancyGrid, now: int) -> bytes:
-    """``OccupancyGrid`` of the local map in ``odom``: percent, -1 where nothing is known."""
+    """Encode ``OccupancyGrid`` of the local map in ``odom``: percent, -1 if unknown."""
     cell, (x, y) = grid.params.cell, grid.origin
     percent = np.rint(100.0 / (1.0 + np.exp(-grid.log_odds)))
     percent[np.abs(grid.log_odds) < 1e-3] = -1
@@ -128,9 +128,9 @@ def local_map_message(grid: OccupancyGrid, now: int) -> bytes:
 
 
 def grid_message(frame: str, percent: Array | Cells, cell: float, corner: Pose, now: int) -> bytes:
-    """``OccupancyGrid`` of ``percent`` (rows, columns), -1 unknown, from a ``corner`` in ``frame``.
+    """Encode ``OccupancyGrid`` of ``percent`` (rows, columns), -1 unknown, ``corner`` in ``frame``.
 
-    ``cell`` is the edge of a cell [m].
+    ``cell`` is the edge of a cell [m]; ``corner`` is the pose of the grid's lower left corner.
     """
     rows, columns = percent.shape
     origin = pose_fields(corner.x, corner.y, corner.yaw)
@@ -140,12 +140,12 @@ def grid_message(frame: str, percent: Array | Cells, cell: float, corner: Pose, 
 
 
 def text_message(text: str) -> bytes:
-    """``String``."""
+    """Encode ``String``."""
     return ros_message("std_msgs/msg/String", {"data": text})
 
 
 def overlay_message(frame: Frame, state: StackState, flow_width: int, now: int) -> bytes:
-    """``CompressedImage`` of the camera's image with the flow and what OFFIS makes of it.
+    """Encode ``CompressedImage`` of the camera's image with the flow and OFFIS's sentence.
 
     ``flow_width`` [px] is that of the images of the stack, to which the flow refers.
     """
@@ -170,7 +170,7 @@ def overlay_message(frame: Frame, state: StackState, flow_width: int, now: int) 
 
 
 def diagnostics_message(level: int, summary: str, values: Mapping[str, object], now: int) -> bytes:
-    """``DiagnosticArray`` of one status: ``level`` 0 is good, 1 a warning, 2 an error."""
+    """Encode ``DiagnosticArray`` of one status: ``level`` 0 is good, 1 a warning, 2 an error."""
     pairs = [{"key": key, "value": str(value)} for key, value in values.items()]
     status = {"level": level, "name": "navfw", "message": summary, "values": pairs}
     return _in("", "diagnostic_msgs/msg/DiagnosticArray", {"status": [status]}, now)

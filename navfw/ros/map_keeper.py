@@ -1,4 +1,4 @@
-"""The map that grows while the robot drives: published, and kept in a file at each key pose."""
+"""Publish the map that grows while the robot drives, and save it at each key pose."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from navfw.topomap.map_formats import save_map
 from navfw.topomap.occupancy_map import Cells
 
 NAME_PLACE = "name_place"
-"""Topic of the names of places."""
+"""Topic of names for the place where the robot is."""
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}")
 _MARKERS = "visualization_msgs/msg/MarkerArray"
 _TOPICS = {
@@ -40,10 +40,10 @@ _TOPICS = {
 _PERIOD = 10**9
 """Least time [ns] between two grids that are published."""
 _REST = 9.0
-"""Least time between two maps that are made, over the time that the former took: with this one,
-making maps takes a tenth of a core at most, and in a large building some key poses are left out."""
+"""Least time between two maps that are made, divided by the time that the former took: making maps
+then takes a tenth of a core at most, and in a large building some key poses are left out."""
 _LINES, _SPHERES, _TEXT, _DELETE_ALL = 5, 7, 9, 3
-"""Types of markers, and the action that removes those before."""
+"""Types of markers, and the action that removes earlier ones."""
 _SIZE = 0.2
 """Diameter of spheres and height of letters [m]; lines are a fifth as wide."""
 _PLACES, _AHEAD, _OPEN, _GIVEN_UP = (0.1, 0.4, 0.9), (0.1, 0.8, 0.2), (0.9, 0.7, 0.1), (0.5,) * 3
@@ -53,11 +53,12 @@ _Places = Mapping[str, Pose]
 
 
 class MapKeeper:
-    """Publishes the map that ``stack`` grows on ``node``, and keeps it in ``file``, if any.
+    """Publishes the map that ``stack`` grows on ``node``, and saves it in ``file``, if not None.
 
     After each key pose a thread makes the topological map, as soon as the last one is made: a node
-    that is killed leaves it. The robot is where the names of places on ``name_place`` come. Each
-    part of a drive that was split has a file of its own until ``finish`` joins what overlaps.
+    that is killed leaves it. A name that comes on ``name_place`` is given to the place where the
+    robot is then. Each part of a drive that was split has a file of its own until ``finish`` joins
+    parts that overlap.
 
     Raises:
         ConfigError: the map is not the one that ``stack`` drives on.
@@ -85,7 +86,7 @@ class MapKeeper:
         return self._stack.growth.growing_map
 
     def _maps(self) -> Sequence[GrowingMap]:
-        """The maps of the parts of the drive so far."""
+        """Return the maps of the parts of the drive so far."""
         parts = self._stack.parts if isinstance(self._stack, MappingStack) else ()
         return [part.growing for part in parts] or [self._growing]
 
@@ -100,7 +101,7 @@ class MapKeeper:
         self._node.say(f"{name} is at ({pose.x:.2f}, {pose.y:.2f})")
 
     def tell(self, now: int) -> None:
-        """Publish what has changed, and keep the map; after each frame, ``now`` [ns]."""
+        """Publish changes, and save the map; to be called after each frame, at ``now`` [ns]."""
         number = len(self._maps()) - 1
         if number == len(self._files):
             self._begin_file(number)
@@ -142,7 +143,7 @@ class MapKeeper:
         return file is not None and file not in self._files and file.exists()
 
     def _places(self, parts: Mapping[int, Sequence[KeyPose]]) -> _Places:
-        """Where the named places are, as the map of these parts has been corrected."""
+        """Return the poses of named places, as the map of these parts has been corrected."""
         return {
             name: key_at(parts[number], odometry.time).correction.compose(odometry.pose)
             for name, (number, odometry) in self._named.items()
@@ -150,7 +151,7 @@ class MapKeeper:
         }
 
     def _make(self, file: Path | None, grid: GrownGrid, drops: Any, places: _Places) -> None:
-        """Make and save the map, beside what the robot does."""
+        """Make and save the map, in a thread beside the drive."""
         began = time.monotonic()
         try:
             self._save(file, grid, drops, places)
@@ -175,7 +176,7 @@ class MapKeeper:
         return made
 
     def finish(self) -> Mapping[str, Any]:
-        """Join what overlaps, save the maps as they are, publish the last; what to report of them.
+        """Join parts that overlap, save and publish the maps; return data to report about them.
 
         Raises:
             InputError: nothing was observed, or a file cannot be written.
@@ -208,7 +209,7 @@ class MapKeeper:
 
 
 def frontiers_message(choice: Mapping[str, Any], now: int) -> bytes:
-    """``MarkerArray`` of the frontiers in a planner's ``explain_choice``."""
+    """Encode ``MarkerArray`` of the frontiers in a planner's ``explain_choice``."""
     groups = (
         ([choice] if "x" in choice else (), _AHEAD),
         (choice.get("others", ()), _OPEN),
@@ -222,7 +223,7 @@ def frontiers_message(choice: Mapping[str, Any], now: int) -> bytes:
 
 
 def graph_message(topo_map: TopoMap, now: int) -> bytes:
-    """``MarkerArray`` of places with their names, and of passages."""
+    """Encode ``MarkerArray`` of places with their names, and of passages."""
     places = topo_map.places
     ends = [places[end] for passage in topo_map.passages for end in passage.ends]
     lines = _list(_LINES, [(place.x, place.y) for place in ends], _PLACES)
@@ -241,7 +242,7 @@ def graph_message(topo_map: TopoMap, now: int) -> bytes:
 
 
 def _markers(markers: Sequence[Mapping[str, Any]], now: int) -> bytes:
-    """``MarkerArray`` in ``map`` in place of the last one."""
+    """Encode ``MarkerArray`` in ``map``, which replaces the last one."""
     header = {"frame_id": "map", "stamp": time_fields(now)}
     shown = [{"action": _DELETE_ALL}, *(marker for marker in markers if marker)]
     common = {"header": header, "ns": "navfw", "pose": pose_fields(0.0, 0.0, 0.0)}
@@ -250,7 +251,7 @@ def _markers(markers: Sequence[Mapping[str, Any]], now: int) -> bytes:
 
 
 def _list(kind: int, points: _Points, colour: Sequence[float]) -> Mapping[str, Any]:
-    """A marker of spheres, or of lines between two points each; empty without any."""
+    """Return a marker of spheres, or of lines between pairs of points; {} without points."""
     at = [{"x": x, "y": y} for x, y in points]
     size = _SIZE if kind == _SPHERES else 0.2 * _SIZE
     scale = dict.fromkeys("xyz", size)

@@ -1,4 +1,4 @@
-"""``navfw ros sim``: the simulated robot as a robot of ROS 2."""
+"""``navfw ros sim``: publish and drive the simulated robot as a robot of ROS 2."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from navfw.signals import Belief, Pose, SensorReading, Twist, Waypoint
 from navfw.stack import StackState
 
 MAX_COMMAND_AGE = 0.25
-"""Age [s] of the last command, by the simulated clock, from which on the robot stands."""
+"""Age [s] of the last command, by the simulated clock, from which the robot stands."""
 _DISCOVERY = 1.0
-"""Time [s] in which the other node finds this one as well."""
+"""Time [s] given to the other node to discover this one as well."""
 _MAX_COMMAND = 100.0
-"""Largest speed [m/s] and turning rate [rad/s] that is taken for a command."""
+"""Largest speed [m/s] and turning rate [rad/s] that is accepted as a command."""
 _STAND = Twist(0.0, 0.0)
 
 TOPICS = {
@@ -40,15 +40,15 @@ TOPICS = {
     "/ground_truth/odom": ("nav_msgs/msg/Odometry", "the true pose, for metrics alone"),
     "cmd_vel": ("geometry_msgs/msg/TwistStamped", "what to drive; also Twist on cmd_vel_unstamped"),
 }
-"""Topics of the simulated robot: type, and what it is."""
+"""Topics of the simulated robot: type, and meaning."""
 
 
 class RosPilot:
-    """A pilot of a mission's loop that is somewhere else on the graph.
+    """A pilot for ``MissionLoop`` whose commands come from another node.
 
     It publishes every reading, and returns the newest command. ``pace`` is simulated over
-    wall-clock time; 0: lock step, each tick waits for the command that has its stamp, and for the
-    driving node's status. Without a mission, ``free``, the latter does not count.
+    wall-clock time; 0 is lock step: each tick waits for the command that has its stamp, and for the
+    driving node's status. In a drive without a mission (``free``) the status is not waited for.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class RosPilot:
         node.subscribe("navfw/status", "std_msgs/msg/String", self._take_status, "reliable")
 
     def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
-        """In lock step wait for the driving node, which has been told where it is and goes."""
+        """In lock step, wait until the driving node subscribes and publishes."""
         if self._pace > 0.0:
             return
         heard: Sequence[str] = () if self._free else ("imu", "joint_states", "image")
@@ -93,8 +93,8 @@ class RosPilot:
     def roam(self, begin: Callable[[], AbstractContextManager[Simulator]]) -> None:
         """Be driven without a mission, whatever it touches or reaches, until a signal.
 
-        ``begin`` makes the simulator at its start: at once, and when ``~/reset`` is called. Time
-        stands from ``~/pause`` to ``~/resume``.
+        ``begin`` makes the simulator at its start: at once, and when ``~/reset`` is called.
+        Simulated time stands still from ``~/pause`` to ``~/resume``.
         """
         for name, service in (
             ("reset", self._reset),
@@ -112,7 +112,7 @@ class RosPilot:
                     self._advance()
 
     def _advance(self) -> None:
-        """Let one tick pass, or time stand."""
+        """Advance by one tick, or wait while paused."""
         check_interrupted()
         if self._paused:
             self._node.spin(0.05)
@@ -138,7 +138,7 @@ class RosPilot:
         return "time goes on"
 
     def step(self, reading: SensorReading) -> Twist:
-        """Publish ``reading``; the command that holds now."""
+        """Publish ``reading``; return the command that holds now."""
         self._publish(reading)
         if self._pace == 0.0:
             self._wait_for(round(1e9 * reading.time))
@@ -178,7 +178,7 @@ class RosPilot:
         self._out["/ground_truth/odom"](ros.ros_message("nav_msgs/msg/Odometry", fields, now))
 
     def _keep_pace(self, now: float) -> None:
-        """Take in commands until the wall clock has come to ``now`` [s] of the simulation."""
+        """Handle commands until the wall clock has come to ``now`` [s] of the simulation."""
         if self._began is None:
             self._began = now, time.monotonic()
         due = self._began[1] + (now - self._began[0]) / self._pace
@@ -189,7 +189,7 @@ class RosPilot:
         self._node.spin(0.0)
 
     def _wait_for(self, stamp: int) -> None:
-        """Take in messages until command and status with this ``stamp`` [ns] have come."""
+        """Handle messages until command and status with this ``stamp`` [ns] have come."""
         while self._stamp != stamp or not (self._free or self._status.get("stamp") == stamp):
             if self._again:
                 return
@@ -216,7 +216,7 @@ class RosPilot:
             self._status = {}
 
     def _state(self, now: float) -> StackState:
-        """What the driving node says of its state, if it says anything."""
+        """Return the state that the driving node publishes; one without facts if it does not."""
         status = self._status
         if self._pace > 0.0 and 1e-9 * status.get("stamp", -1e9) < now - 2.0:
             status = {}

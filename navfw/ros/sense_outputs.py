@@ -1,4 +1,4 @@
-"""What ``navfw ros sense`` publishes: one camera as a range sensor for others; serialised."""
+"""``navfw ros sense``: publish one camera's percepts as those of a range sensor."""
 
 from __future__ import annotations
 
@@ -31,22 +31,22 @@ TOPICS: Mapping[str, tuple[str, str]] = {
     "/tf": ("tf2_msgs/msg/TFMessage", "odom to base_link, with publish_tf"),
     "/diagnostics": ("diagnostic_msgs/msg/DiagnosticArray", "state, latency"),
 }
-"""Topics of what is published: type, and what it is."""
+"""Topics that are published: type, and meaning."""
 MAX_RANGE = 2.5
-"""Largest range of the scans [m]: farther off, most obstacles are not seen yet."""
+"""Largest range of the scans [m]: beyond it most obstacles are not seen yet."""
 _MIN_RANGE = 0.02
 """Least range of the scans [m]."""
 _DEGREE = math.radians(1.0)
-"""Angle between two rays."""
+"""Angle between two rays [rad]."""
 _STANDING = 0.02
-"""Speed [m/s] up to which nothing comes nearer."""
+"""Speed [m/s] up to which nothing counts as coming nearer."""
 _FLOAT = 7
 """Code of a ``PointField`` of four bytes."""
 _COLUMNS = ("x", "y", "z", "sigma", "age")
 
 
 class SenseOutputs(DriveOutputs):
-    """What ``node`` publishes of each frame that ``stack`` perceives; it commands nothing.
+    """Publishes on ``node`` the percepts of each frame of ``stack``, which commands nothing.
 
     Parameter of the node: ``publish_tf`` (default false; the base publishes ``/tf`` as a rule).
     """
@@ -63,7 +63,7 @@ class SenseOutputs(DriveOutputs):
         self._bearings: Array = _DEGREE * np.arange(-half, half + 1, dtype=np.float64)
 
     def tell(self, frame: Frame, base: Pose | None, ended: str, now: int) -> None:
-        """Publish what is perceived at ``now`` [ns], unless ``ended`` says what holds the node."""
+        """Publish the percepts at ``now`` [ns], unless ``ended`` says what holds the node."""
         state, send, hits = self._senses.state, self._publish, self._senses.hits
         odometry, belief = state.odometry, state.belief
         if odometry is None or belief is None or ended:
@@ -97,9 +97,9 @@ class SenseOutputs(DriveOutputs):
 
 
 def time_to_contact(state: StackState, stack: SensingStack) -> float:
-    """Time [s] to contact with what is straight ahead, at the present speed.
+    """Return the time [s] to contact with the obstacle straight ahead, at the present speed.
 
-    It is inf while nothing approaches, NaN where the newest frame shows no depth.
+    It is inf while nothing approaches, NaN if the newest frame shows no depth.
     """
     speed = 0.0 if state.odometry is None else state.odometry.twist.v
     if abs(speed) <= _STANDING:
@@ -111,7 +111,7 @@ def time_to_contact(state: StackState, stack: SensingStack) -> float:
 
 
 def percept_data(state: StackState, contact: float) -> Mapping[str, Any]:
-    """What OFFIS reads in the newest frame, as plain data; degrees in [0, 1]."""
+    """Convert OFFIS's percept of the newest frame to JSON data; degrees are in [0, 1]."""
     percept = state.percept
     if percept is None:
         return {}
@@ -129,7 +129,7 @@ def percept_data(state: StackState, contact: float) -> Mapping[str, Any]:
 
 
 def scan_message(bearings: Array, ranges: Array, sigma: Array | None, now: int) -> bytes:
-    """``LaserScan`` in ``base_link`` of ``ranges`` (n,) [m]; intensities are ``sigma`` (n,) [m]."""
+    """Encode ``LaserScan`` in ``base_link``: ``ranges`` (n,) [m]; intensities are ``sigma`` [m]."""
     about = {
         "angle_min": float(bearings[0]),
         "angle_max": float(bearings[-1]),
@@ -144,7 +144,7 @@ def scan_message(bearings: Array, ranges: Array, sigma: Array | None, now: int) 
 
 
 def cloud_message(points: Array, now: int) -> bytes:
-    """``PointCloud2`` in ``base_link`` of ``points`` (n, 5) by ``HitRecord.obstacles``."""
+    """Encode ``PointCloud2`` in ``base_link`` of ``points`` (n, 5) of ``HitRecord.obstacles``."""
     fields = [
         {"name": name, "offset": 4 * number, "datatype": _FLOAT, "count": 1}
         for number, name in enumerate(_COLUMNS)

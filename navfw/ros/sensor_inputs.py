@@ -1,6 +1,6 @@
-"""From messages of ROS to what a stack reads at each control tick; goals by name; without rclpy.
+"""Convert ROS messages to a stack's readings, and goals to waypoints; without rclpy.
 
-Images, rates and wheels have clocks and faults of their own: each is judged when it comes.
+Images, rates and wheels have clocks and faults of their own: each is checked when it comes.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from navfw.topomap import TopoMap
 from navfw.topomap.occupancy_map import FREE
 
 TOLERANCE = 0.3
-"""Distance [m] at which a goal that was sent is reached."""
+"""Distance [m] from a goal that was sent within which it counts as reached."""
 _CLOCKS = 1.0
 """Difference [s] of a stamp from the time of its reception from which stamps are not used."""
 _JUMP = 1.0
@@ -34,14 +34,14 @@ _JUMP = 1.0
 _MAX_ROWS = 1000
 """Messages of gyro and wheels that wait for each other."""
 _MAX_TICKS = 1e12
-"""Largest count of an encoder that is believed."""
+"""Largest count of an encoder that is accepted."""
 _FASTER, _BURST = 3.0, 0.3
-"""Times the top speed that wheels may roll, and how late [s] messages may come that come at once:
-what is counted by their reception then rolls in no time."""
+"""Largest speed of wheels, over the top speed, and delay [s] of messages that come at once: ticks
+counted by their reception then come in no time."""
 
 
 class SensorInputs:
-    """The newest messages of one robot's sensors, and the ``SensorReading`` that they make.
+    """Holds the newest messages of one robot's sensors, and makes its ``SensorReading``s.
 
     Times are those of stamps [s] from the first message on; ``shift`` [s] is added to them, so that
     time never goes back, even when a simulated clock begins anew. ``note`` is called with remarks
@@ -79,9 +79,9 @@ class SensorInputs:
         self.shift = 0.0
 
     def time_of(self, topic: str, stamp: Any, now: float) -> float | None:
-        """The time [s] of a message with ``stamp`` that came at ``now`` [s]; None if it goes back.
+        """Return the time [s] of a message that came at ``now`` [s]; None if ``stamp`` goes back.
 
-        A stamp of another clock counts as its reception; where clocks have agreed, one that lags
+        A stamp of another clock is replaced by its reception; if clocks have agreed, one that lags
         behind comes late. A simulated clock is at 0 before it is heard.
         """
         time = float(stamp.sec) + 1e-9 * float(stamp.nanosec)
@@ -116,7 +116,7 @@ class SensorInputs:
         self._rates.clear()
 
     def image(self, topic: str, message: Any, now: float, *, landmarks: bool = False) -> None:
-        """Take in an ``Image`` or ``CompressedImage``, for ``landmarks`` or as the camera's."""
+        """Take an ``Image`` or ``CompressedImage``, for ``landmarks`` or as the camera's."""
         time = self.time_of(topic, message.header.stamp, now)
         if time is None:
             return
@@ -130,7 +130,7 @@ class SensorInputs:
             self._note(f"images on {topic} are left out: {error}")
 
     def imu(self, topic: str, message: Any, now: float) -> None:
-        """Take in the rates of an ``Imu``; they are turned into base_link's axes."""
+        """Take the rates of an ``Imu``, and rotate them into base_link's axes."""
         rates = np.array((*turn_rates(message), math.nan, math.nan)[:3])
         axes = self._axes_of(topic, message.header.frame_id.lstrip("/"))
         turned = axes @ rates if np.isfinite(rates).all() else rates
@@ -141,12 +141,12 @@ class SensorInputs:
             self._rates.append((time, *turned.tolist()))
 
     def mounts(self, message: Any) -> None:
-        """Take in static transforms, a ``TFMessage``: they tell how the IMU is mounted."""
+        """Take static transforms, a ``TFMessage``: they contain how the IMU is mounted."""
         if not self._mounts.add(message):
             self._note("a transform on /tf_static is left out: its rotation is none")
 
     def _axes_of(self, topic: str, frame: str) -> Array:
-        """The axes of ``frame`` in base_link, as the columns of a rotation (3, 3)."""
+        """Return the axes of ``frame`` in base_link, as the columns of a rotation (3, 3)."""
         if self._axes is not None:
             return self._axes
         for above, axes in self._mounts.above(frame).items():
@@ -157,7 +157,7 @@ class SensorInputs:
         return np.eye(3)
 
     def joints(self, topic: str, message: Any, now: float) -> bool:
-        """Take in the wheels of a ``JointState``; whether it has them."""
+        """Take the wheels of a ``JointState``; return whether it has them."""
         angles = []
         names, positions = list(message.name), np.asarray(message.position, dtype=np.float64)
         for side in self._joints:
@@ -171,7 +171,7 @@ class SensorInputs:
         return self._wheels(topic, message, now, np.array(angles) * per_angle)
 
     def odometry(self, topic: str, message: Any, now: float) -> bool:
-        """Take in the wheels of an ``Odometry``: ways driven along its heading, and turns."""
+        """Take an ``Odometry``: distances along its heading, and turns; return if valid."""
         x, y, yaw = planar_pose(message)
         if not all(map(math.isfinite, (x, y, yaw))):
             self._note(f"poses on {topic} are not numbers: such messages are left out")
@@ -188,7 +188,7 @@ class SensorInputs:
         return self._wheels(topic, message, now, self._ticks - self._zero + rolled * per_way)
 
     def _wheels(self, topic: str, message: Any, now: float, ticks: Array) -> bool:
-        """Take in counts (2,) since power-on."""
+        """Take counts (2,) since power-on; return whether they are used."""
         if not (np.abs(ticks) < _MAX_TICKS).all():
             self._note(f"angles on {topic} are not numbers: such messages are left out")
             return False
@@ -209,7 +209,7 @@ class SensorInputs:
         return True
 
     def _jump(self, time: float, ticks: Array) -> str:
-        """How far counts (2,) are from the last ones, if wheels cannot have rolled that far."""
+        """Say how far counts (2,) are from the last ones if wheels cannot roll so far; or ""."""
         robot, last = self._robot, (self._rolled or self._read or [(-math.inf, ticks)])[-1][0]
         turns = (self._zero + ticks - self._ticks) / robot.ticks_per_turn
         rolled = 2.0 * math.pi * robot.wheel_radius * float(np.abs(turns).max())
@@ -220,30 +220,30 @@ class SensorInputs:
 
     @property
     def newest(self) -> float:
-        """The newest time [s] of all messages."""
+        """The newest time [s] of all messages; 0 before the first."""
         return max(self._last.values(), default=0.0)
 
     def newest_of(self, topic: str) -> float:
-        """The time [s] of the newest message of ``topic``."""
+        """Return the time [s] of the newest message of ``topic``; -inf before the first."""
         return self._last.get(topic, -math.inf)
 
     def complete(self, time: float, images: Sequence[str]) -> bool:
-        """Whether the rates of ``time`` [s] have come, and ``images``: of image, landmarks."""
+        """Return whether the rates of ``time`` [s] and the ``images`` of that time came."""
         frames = {"image": self._frame, "landmarks": self._landmarks}
         came = all(frames.get(name) is not None for name in images)
         return came and bool(self._rates) and self._rates[-1][0] >= time
 
     def stamp_of(self, time: float) -> int:
-        """The stamp [ns] of ``time`` [s], by the clock of the sensors."""
+        """Return the stamp [ns] of ``time`` [s], by the clock of the sensors."""
         return round(1e9 * (time - self.shift + (self._begin or 0.0)))
 
     def readings(self, silent_at: float | None = None) -> Iterator[SensorReading]:
-        """One of each message of the wheels since the last call, and of when the image was taken.
+        """Yield a reading for each message of the wheels since the last call, and for the image.
 
-        The counts are interpolated for that: odometry must be known where an image was seen from.
+        The counts are interpolated for the image's time: odometry must be known where it was taken.
         Each image is given once; one that is newer than the wheels waits for the next call. Rates
-        are means from one reading to the next. With ``silent_at`` [s] the wheels do not count until
-        then, and what they roll is lost, as in the simulator.
+        are means from one reading to the next. With ``silent_at`` [s] the wheels' counts stay until
+        then, and the distance that they roll is lost, as in the simulator.
         """
         if silent_at is not None:
             self._lost = True
@@ -281,7 +281,7 @@ class SensorInputs:
 
 
 def goal_at(topo_map: TopoMap, name: str, tolerance: float = TOLERANCE) -> Waypoint:
-    """The place called ``name`` of the map, as a goal.
+    """Return the place called ``name`` of the map as a goal, reached within ``tolerance`` [m].
 
     Raises:
         UnknownNameError: there is no such place.
@@ -292,7 +292,7 @@ def goal_at(topo_map: TopoMap, name: str, tolerance: float = TOLERANCE) -> Waypo
 
 
 def posed_goal(topo_map: TopoMap, message: Any) -> Waypoint:
-    """The position of a ``PoseStamped`` in ``map``, as a goal.
+    """Return the position of a ``PoseStamped`` in ``map`` as a goal, with ``TOLERANCE``.
 
     Raises:
         InputError: it is in another frame, no number, or not free floor of the map's plan.
