@@ -75,7 +75,7 @@ def load_calibration(path: Path, camera: str | None = None) -> CameraCalibration
 
 
 def read_calibration(text: str, file: str, camera: str | None = None) -> CameraCalibration:
-    """Read the ``text`` of a calibration ``file``; see ``load_calibration``."""
+    """Parse the ``text`` of a calibration ``file``; see ``load_calibration``."""
     if text.lstrip().startswith("<"):
         document = _xml_document(text, file)
     else:

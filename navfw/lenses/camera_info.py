@@ -1,4 +1,4 @@
-"""The lens that a ``CameraInfo`` of ROS 1 or 2 says images have (REP 104): K, D and P."""
+"""Read the lens of images from a ``CameraInfo`` of ROS 1 or 2 (REP 104): K, D and P."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from navfw.lenses.calibration_file import read_calibration
 from navfw.lenses.lens_models import Undistortion
 
 _RECTIFIED = re.compile(r"(?:^|[/_])rect(?:ified)?(?:[/_]|$)")
-"""What the topics of images without distortion have in their names."""
+"""Matches topics of images without distortion."""
 
 
 def info_text(info: Any, images: str) -> str:
-    """Return ``info`` as the text of a calibration file.
+    """Convert ``info`` to the text of a calibration file.
 
-    ``images`` is the topic of its images: rectified ones have the projection matrix and no
+    ``images`` is the topic of its images: rectified ones get the projection matrix and no
     distortion.
     """
     matrix, bent, flat = (
@@ -39,9 +39,9 @@ def info_text(info: Any, images: str) -> str:
 def info_undistortion(
     text: str, topic: str, width: int, height: int, hfov: float | None = None
 ) -> Undistortion:
-    """Make what straightens images of ``width`` x ``height`` px by the ``text`` of an info.
+    """Make the object that straightens images of ``width`` x ``height`` px by an info's ``text``.
 
-    ``topic`` is that of the info; ``hfov`` as of ``Undistortion``.
+    ``topic`` is that of the info; ``hfov`` [rad] is as for ``Undistortion``.
 
     Raises:
         InputError: they contradict each other; the message is the reason, without the topic.

@@ -184,10 +184,10 @@ _MIN_VIEW = math.radians(15.0)  # chosen
 _MAX_FLAT = math.radians(155.0)  # chosen
 """Largest field of view [rad] of a lens that no fisheye's model describes."""
 _MARGIN = 64.0  # chosen
-"""How far [px] outside of the image the map of ``distort`` points at most."""
+"""Largest distance [px] outside of the image to which the map of ``distort`` points."""
 _BORDER = 0.02  # chosen
-"""Share of the width that an image may lack of a field of view that is given: its border is
-repeated there."""
+"""Share of the width that images may lack of a given field of view: their border is repeated
+there."""
 _STEPS = 33  # chosen: number of points on each side of the image's border
 _SEARCHES = 30  # chosen: halvings in the search for the focal length
 
@@ -195,11 +195,11 @@ _SEARCHES = 30  # chosen: halvings in the search for the focal length
 class Undistortion:
     """Removes lens distortion from images of ``width`` x ``height`` px.
 
-    The result has the same size, square pixels, the principal point in its centre, and shows only
-    what the lens shows: its focal length is the least without black margins. ``hfov`` [rad] is its
-    horizontal field of view, the widest unless it is given; ``notes`` say what was done to the
-    ``calibration`` or the images. ``key`` is the option or key that gave the calibration, named in
-    errors.
+    The result has the same size, square pixels, the principal point in its centre, and no pixels
+    that the lens does not show: its focal length is the least without black margins. ``hfov`` [rad]
+    is its horizontal field of view, the widest unless it is given; ``notes`` say how
+    ``calibration`` or images were adapted. ``key`` is the option or key that gave the calibration,
+    named in errors.
 
     Raises:
         InputError: the calibration is for images of another shape, its coefficients cannot be
@@ -242,7 +242,7 @@ class Undistortion:
         return self._size[1], self._size[0]
 
     def apply(self, image: Image) -> Image:
-        """Remove the distortion of ``image`` (height, width), or one with channels."""
+        """Return ``image`` (height, width), or one with channels, without the distortion."""
         edge = cv2.BORDER_REPLICATE
         straight = cv2.remap(image, *self._maps, cv2.INTER_LINEAR, borderMode=edge)
         return np.asarray(straight, dtype=np.uint8)
@@ -315,13 +315,13 @@ class Undistortion:
 
     @property
     def shift(self) -> float:
-        """The farthest [px] that a pixel of the result lies from where the lens shows it."""
+        """Largest distance [px] between a pixel of the result and where the lens shows it."""
         rays = self._rays(self._focal)
         points = rays * self._focal + 0.5 * (np.array(self._size) - 1.0)
         return float(np.abs(self._lens.project(rays) - points).max())
 
     def _of_view(self, hfov: float) -> float:
-        """The focal length [px] of a result that shows ``hfov`` [rad]."""
+        """Return the focal length [px] of a result that shows ``hfov`` [rad]."""
         focal = 0.5 * self._size[0] / math.tan(0.5 * hfov)
         if self._shown(focal, _BORDER * self._size[0]):
             return focal
@@ -330,7 +330,7 @@ class Undistortion:
         raise self._error(f"{what} {math.degrees(hfov):.1f}: set it to {widest:.3f}, in rad")
 
     def _widest(self) -> float:
-        """The least focal length [px] of the result at which all of it lies in the image."""
+        """Return the least focal length [px] at which all of the result is in the image."""
         width, height = self._size
         low = 0.5 * max(width, height) / math.tan(0.5 * _MAX_VIEW)
         high = 0.5 * width / math.tan(0.5 * math.radians(1.0))
@@ -354,7 +354,7 @@ class Undistortion:
         return high
 
     def _rays(self, focal: float) -> Array:
-        """Rays (n, 2), at unit depth, all over a result with ``focal`` [px]."""
+        """Return rays (n, 2), at unit depth, all over a result with ``focal`` [px]."""
         width, height = self._size
         x = np.linspace(-0.5 * (width - 1), 0.5 * (width - 1), _STEPS)
         y = np.linspace(-0.5 * (height - 1), 0.5 * (height - 1), _STEPS)
@@ -362,7 +362,7 @@ class Undistortion:
         return rays
 
     def _shown(self, focal: float, margin: float = 0.0) -> bool:
-        """Whether the lens shows all of a result with ``focal`` [px]; its model is invertible.
+        """Return whether the lens, invertible there, shows all of a result with ``focal`` [px].
 
         Its image may lack a ``margin`` [px].
         """

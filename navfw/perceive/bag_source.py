@@ -37,7 +37,7 @@ _STILL = 0.3
 _COMPARED = (10, 150)
 """Least and largest number of comparisons for a verdict."""
 _SHARE, _LIKE = 0.8, 0.3
-"""Share of comparisons without flow, and correlation of turns, that contradict the wheels."""
+"""Share of comparisons without flow, and correlation of rotations, that contradict the wheels."""
 
 
 class BagInputs(NamedTuple):
@@ -85,7 +85,7 @@ def unpacked_bag(bag: Bag, pitch: float = 0.0) -> Iterator[BagInputs]:
 
 
 def _lens(bag: Bag, shape: Sequence[int]) -> CameraCalibration | None:
-    """The lens by ``camera_info``; None if it contradicts the images."""
+    """Read the lens of ``camera_info``; None if it contradicts the images."""
     if bag.info is None or not shape:
         return None
     text = info_text(bag.info, bag.image_topic)

@@ -175,7 +175,7 @@ def odometry_message(odometry: Odometry, now: int, covariance: Array | None = No
 
 
 def camera_message(camera: CameraModel, size: tuple[int, int], now: int) -> bytes:
-    """``CameraInfo`` of images of ``size`` (height, width), as the camera's lens shows them."""
+    """Encode ``CameraInfo`` of images of ``size`` (height, width), as the lens shows them."""
     height, width = size
     k = np.diag([camera.focal * width / camera.width] * 2 + [1.0])
     k[:2, 2] = 0.5 * (width - 1), 0.5 * (height - 1)

@@ -36,7 +36,7 @@ _SLACK = 1e-6
 _DELAY = 1.0
 """Largest time [s] from an image's stamp to its reception; a command of the bag holds so long."""
 _LEG = 2.0
-"""Distance [m] of the places along a way that was driven."""
+"""Distance [m] between the places along a path that was driven."""
 
 
 def _gyro(bag: recording.Bag | FolderDrive) -> Array:

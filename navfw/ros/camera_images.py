@@ -1,4 +1,4 @@
-"""Images of a real camera as the robot's pinhole camera takes them: grey, straight, of its size."""
+"""Convert images of a real camera to those of the robot's pinhole camera: grey and straight."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from navfw.robot import CameraModel
 _SHAPE = 0.01
 """Relative difference of the shape of an image from that of the robot's camera that is allowed."""
 _SAME = 0.005
-"""Share of the width by which a lens may shift pixels that are then used as they are."""
+"""Largest shift of pixels by a lens, as a share of the width, that is not corrected."""
 
 
 class CameraImages:
-    """Makes the images on the topic ``name`` those of the robot's ``camera``.
+    """Converts the images on the topic ``name`` to those of the robot's ``camera``.
 
-    Where a ``CameraInfo`` describes their lens, they are straightened to the view of the robot
-    file. ``note`` is called with remarks for people.
+    If a ``CameraInfo`` describes their lens, they are straightened to the view of the robot file.
+    ``note`` is called with remarks for people.
     """
 
     def __init__(self, camera: CameraModel, name: str, note: Callable[[str], object]) -> None:
@@ -35,7 +35,7 @@ class CameraImages:
         self._lens: Undistortion | None = None
 
     def describe(self, topic: str, info: Any) -> None:
-        """Take in the ``CameraInfo`` that came on ``topic``."""
+        """Take the ``CameraInfo`` that came on ``topic``; later images are straightened by it."""
         text = info_text(info, self._name)
         if text == self._info or not info.width:
             return
@@ -47,7 +47,7 @@ class CameraImages:
         return bool(self._info)
 
     def taken(self, grey: Image) -> Image:
-        """Return ``grey`` (height, width) as the robot's camera takes it.
+        """Return ``grey`` (height, width) as the robot's camera would take it.
 
         Raises:
             ConfigError: it has another shape.
@@ -70,7 +70,7 @@ class CameraImages:
         return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
     def _fitting(self) -> Undistortion | None:
-        """What straightens the images; None if nothing does, or need."""
+        """Return the object that straightens the images; None if there is none, or no need."""
         if self._camera.calibration is not None:
             self._note(f"the robot file's calibration is used, not {self._topic}")
             return None
@@ -89,5 +89,5 @@ class CameraImages:
 
 
 def grey_image(message: Any, topic: str) -> Image:
-    """The luminance (height, width) of an ``Image`` or ``CompressedImage``; see ``ros_image``."""
+    """Decode the luminance (height, width) of an image message; see ``ros_image``."""
     return np.asarray(cv2.cvtColor(ros_image(message, topic), cv2.COLOR_BGR2GRAY), dtype=np.uint8)

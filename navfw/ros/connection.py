@@ -134,15 +134,15 @@ class RosNode:
         return lambda data: made.publish(data) if self._rclpy.ok() else None
 
     def resolved(self, topic: str) -> str:
-        """The full name of ``topic``, as remapped."""
+        """Return the full name of ``topic``, as remapped."""
         return str(self._node.resolve_topic_name(topic))
 
     def wanted(self, topic: str) -> bool:
-        """Whether someone subscribes to ``topic``."""
+        """Return whether any node subscribes to ``topic``."""
         return bool(self._node.count_subscribers(self.resolved(topic)))
 
     def publishers(self, topic: str) -> int:
-        """How many publish ``topic``."""
+        """Return the number of nodes that publish ``topic``."""
         return int(self._node.count_publishers(self.resolved(topic)))
 
     def subscribe(

@@ -29,14 +29,14 @@ from navfw.stack import Stack, halt
 from navfw.stack.sensing_stack import SensingStack
 
 _MAX_AGE = 0.2
-"""Age [s] of the last command at which the robot is told to stand, whatever the stack does."""
+"""Age [s] of the last command at which the robot is stopped, whatever the stack does."""
 _SILENT = 0.15
 """Time [s] without wheels after which ticks follow the other sensors, and wheels are ignored.
 Wheels of 10 Hz may be late by half their period, and a command may be 0.2 s old."""
 _ODD, _MAX_PERIOD = 0.75, 0.1
-"""Least time between two ticks, in periods; longest one [s] that the controller counts with."""
+"""Least time between two ticks, in periods; longest time [s] that the controller is given."""
 _MAX_EARLY = 30
-"""Images that are left out while their camera_info is published and has not come."""
+"""Largest number of images dropped while their camera_info is published and has not come."""
 _STILL = 0.02
 """Speed [m/s] and turning rate [rad/s] up to which the robot counts as standing."""
 _STAND = Twist(0.0, 0.0)

@@ -30,7 +30,7 @@ TOLERANCE = 0.3
 _CLOCKS = 1.0
 """Difference [s] of a stamp from the time of its reception from which stamps are not used."""
 _JUMP = 1.0
-"""Step [s] of the clock backward, beyond which it has begun anew."""
+"""Backward step [s] of the clock beyond which it counts as started anew."""
 _MAX_ROWS = 1000
 """Messages of gyro and wheels that wait for each other."""
 _MAX_TICKS = 1e12
@@ -46,7 +46,7 @@ class SensorInputs:
     Times are those of stamps [s] from the first message on; ``shift`` [s] is added to them, so that
     time never goes back, even when a simulated clock begins anew. ``note`` is called with remarks
     for people. ``snap`` [Hz]: stamps are multiples of 1 / ``snap``, exactly, not of nanoseconds.
-    ``images`` is the full name of the topic of images, ``camera`` what they are made by.
+    ``images`` is the full name of the topic of images, ``camera`` converts them.
     """
 
     def __init__(

@@ -1,15 +1,15 @@
-"""Whether a node's sensors are heard, and each is published by one node; said to people."""
+"""Watch whether a node's sensors send, and each topic has one publisher; warn people."""
 
 from __future__ import annotations
 
 from navfw.ros.connection import RosNode
 
 _LOST = 0.7
-"""Time [s] without a message of a sensor after which it is said to be missing."""
+"""Time [s] without a message of a sensor after which it is reported as missing."""
 
 
 class TopicWatch:
-    """Watches topics of ``node``; ``stands`` is what it does while all are silent, for people."""
+    """Watches topics of ``node``; while all are silent the warning ends with ``stands``."""
 
     def __init__(self, node: RosNode, stands: str) -> None:
         self._node, self._stands = node, stands
@@ -26,7 +26,7 @@ class TopicWatch:
             self._heard[topic] = self._node.seconds()
 
     def tell_missing(self, now: float) -> None:
-        """Say what is silent at ``now`` [s] where that has changed."""
+        """Report the silent topics at ``now`` [s] if they have changed since the last call."""
         self._heard = {topic: min(at, now) for topic, at in self._heard.items()}
         missing = [topic for topic, at in self._heard.items() if now - at > _LOST]
         if missing == self._missing:
@@ -37,7 +37,7 @@ class TopicWatch:
         self._node.say(silent if missing else "all topics are heard again")
 
     def tell_rivals(self) -> None:
-        """Say which topics more than one node publishes."""
+        """Report topics that more than one node publishes."""
         for topic in self._heard:
             if (count := self._node.publishers(topic)) > 1:
                 what = f"{count} nodes publish {topic}, and are taken for one robot"
