@@ -129,7 +129,7 @@ def _checked(paths: list[Path]) -> Iterator[Checked]:
 
 
 def _needs_parameters(row: Checked, registry: Registry) -> bool:
-    """Whether a stack has to give parameters of a plugin, so that it cannot be tried alone."""
+    """Whether a stack has to give parameters of a plugin, so that it cannot be tried by itself."""
     cls = registry.get(row["kind"], row["name"])
     return any(info.is_required() for info in cls.Params.model_fields.values())
 

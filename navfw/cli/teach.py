@@ -68,7 +68,7 @@ def teach(
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Make a map from recorded drives; those that do not certainly overlap get NAME-2, ..."""
+    """Make a map of recorded drives; drives that do not overlap become NAME-2 and so on."""
     from navfw.recording.teaching import teach as taught
     from navfw.topomap.map_formats import save_map
 

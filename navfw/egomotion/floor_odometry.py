@@ -28,7 +28,7 @@ _KEY_DISTANCE = 0.12  # chosen
 """Distance [m] from the key frame at which the present frame becomes the next one."""
 
 _KEY_TURN = math.radians(8.0)  # chosen
-"""The same for the turn [rad]: beyond, too little of the floor is in both images."""
+"""Turn [rad] from the key frame at which the present frame becomes the next one."""
 
 _LOST_DISTANCE = 0.3  # chosen
 """Distance [m] at which a key frame is given up that no frame could be registered to."""

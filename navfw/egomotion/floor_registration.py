@@ -61,8 +61,8 @@ _SCALE_SIGMA = 1.5e-3  # chosen
 """Error of height and pitch of the camera, as a share of the distance; it does not average out."""
 
 _ROCKING_SHARE = 2.5  # chosen
-"""The same of a body that rocks, per amplitude of rocking [1/rad]: what a wrong pitch makes of
-distances at twice the height of the camera."""
+"""Error of distances, as a share, per amplitude of rocking [1/rad]: the effect of a wrong pitch at
+twice the height of the camera."""
 
 _MIN_SIGMA = np.array([1e-4, 1e-4, 5e-4])  # chosen
 """Least standard deviations of x, y [m] and yaw [rad]: of the interpolation of grey values."""

@@ -70,7 +70,7 @@ def locate(corners: Array, side: float, camera: CameraModel) -> Array:
 def locate_with_covariance(
     corners: Array, side: float, camera: CameraModel, sigma: float
 ) -> tuple[Array, Array]:
-    """Compute bearing and range (2,) of one square as ``locate``, and their covariance (2, 2).
+    """Compute bearing [rad] and range [m] (2,) of a square as ``locate``, and covariance (2, 2).
 
     ``sigma`` [px] is the standard deviation of each coordinate of ``corners`` (4, 2).
     """

@@ -178,7 +178,7 @@ any number of them."""
 
 
 def make_shape(kind: str, parameters: Sequence[float]) -> Shape:
-    """Make the shape ``kind`` (a key of ``SHAPES``) with the given parameters.
+    """Make the shape ``kind`` (a key of ``SHAPES``, which names its parameters).
 
     Raises:
         ValueError: wrong number of parameters, beyond ``MAX_SIZE``, or out of order.

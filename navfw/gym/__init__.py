@@ -19,7 +19,7 @@ with extra_imports("gym", key="navfw.gym"):
     import gymnasium
 
 _VERSION = 0
-"""It is raised when a change of worlds, observations or rewards makes results incomparable."""
+"""Version of the ids, raised when results become incomparable by changed worlds or rewards."""
 
 _CLASS = "navfw.gym.mission_env:MissionEnv"
 

@@ -142,10 +142,11 @@ def _slip(yaw: float, along: float, aside: float) -> Array:
 def process_noise(
     yaw: float, moved: Pose, dt: float, sigma: MotionNoise, odometry: Odometry
 ) -> Array:
-    """Compute the covariance (4, 4) that the increment ``moved`` in ``dt`` [s] adds, at ``yaw``.
+    """Compute the covariance (4, 4) of x, y, yaw and gyro bias that ``moved`` adds, at ``yaw``.
 
-    ``moved`` is by ``odometry``. While the encoders are silent it follows the commanded wheel
-    speeds, and its error along the path is as large as the path, unless the floor measures it.
+    ``moved`` is by ``odometry`` in ``dt`` [s]. While the encoders are silent it follows commanded
+    wheel speeds, and its error along the path is as large as the path, unless the floor measures
+    it.
     """
     distance = math.hypot(moved.x, moved.y)
     along = sigma.along**2 * distance

@@ -52,8 +52,8 @@ _FREE_WEIGHTS = np.array([1.0, 1.0, 1.0, 1.0, 0.5])  # chosen
 """Weight of the free evidence along a ray, by ``Label`` of its end point. The ray is free up to the
 point regardless of its height, so UNKNOWN counts in full; ABOVE passes over much of the floor."""
 _WEAK_SIGHT = np.array([0.0, 1.0, 1.0, 0.0, 0.0])  # chosen
-"""The same where there is little texture: a window then takes the motion of the strongest edge in
-it, often of something far behind, and its ray would pass through the nearer surface."""
+"""Weight of the free evidence if there is little texture: a window then takes the motion of the
+strongest edge in it, often of one far behind, and its ray would pass through nearer surfaces."""
 _WEAK_OCCUPIED = 0.3  # chosen
 """Log-odds from which a cell is occupied where there is little texture: matches are too few there
 for the evidence of a surface to add up before the robot has reached it."""

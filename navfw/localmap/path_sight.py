@@ -26,8 +26,8 @@ _FAINT = 7.0  # measured
 """Contrast [grey levels] of the path's image below which sight is weak. Usual texture gives 15 and
 more, a contrast of 6 under a noise of 2 about 5.5, a contrast of 3 about 3.3."""
 _BARE = 0.6  # measured
-"""Covariance of neighbouring pixels [grey levels^2] of the path's image below which it shows noise
-alone. A contrast of 3 gives 1 and more, surfaces without texture 0.5 at most, at any noise."""
+"""Covariance of neighbouring pixels [grey levels^2] of the path's image below which it shows only
+noise. A contrast of 3 gives 1 and more, surfaces without texture 0.5 at most, at any noise."""
 CLEAR = 12.0  # chosen
 """Contrast [grey levels] from which on the path is seen whatever share of its cells is matched:
 cells without a match are then out of the flow's range, as those of near floor under a low camera,
@@ -42,8 +42,8 @@ _SUDDEN = 0.5  # chosen
 """Ratio of the newest percept's share of cells to the mean below which the path has changed: pairs
 of frames from before and after something appeared there do not match."""
 _APPEARED, _STEADY = 0.6, 0.87  # measured
-"""The same of two percepts in a row to the two before, below which something has appeared if the
-mean was steady: at least the second value. Turning, or over coarse texture, shares fall slowly."""
+"""Ratio of shares of two percepts in a row to the two before, below which something has appeared if
+the mean was steady: at least the second value. Turning, or on coarse texture, it falls slowly."""
 SHARE = 0.15  # chosen
 """Weight of the newest percept in the mean over the percepts so far: single ones vary."""
 

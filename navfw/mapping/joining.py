@@ -37,7 +37,7 @@ _LOOSE: Array = np.diag([0.2**-2, 0.2**-2, 0.05**-2])  # chosen
 """Information of a pose that was found: odometry has drifted in both maps."""
 
 _SHORT, _OWN = 1.5, 3.0  # chosen
-"""Length [m] of the shortest drive that is joined, and of the shortest that is kept alone."""
+"""Length [m] of the shortest drive that is joined, and of the shortest that is kept unjoined."""
 
 _PARTS = 10_000  # chosen
 """Largest number of parts of one search; a search has at most some hundred."""

@@ -36,7 +36,7 @@ _DRIFT, _DRIFT_SHARE = 0.02, 0.003  # measured
 last closure. In four tours the error was 0.1 to 0.15 m after 50 m."""
 
 _TURN, _TURN_SHARE = 0.006, 0.0005  # measured
-"""The same of the heading [rad] and [rad/m]; it was 0.02 rad after 50 m."""
+"""Standard deviation of the heading [rad], and per path [rad/m]; it was 0.02 rad after 50 m."""
 
 _CLOSE = 0.15  # chosen
 """Standard deviation [m] up to which a single match is sufficient."""

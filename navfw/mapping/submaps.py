@@ -61,7 +61,7 @@ class SubmapCutter:
     ) -> Submap:
         """Return what ``local_map`` has observed since the last cut, around odom pose ``key``.
 
-        Cells under ``moving`` obstacles (odom) are left out, as these go away.
+        ``time`` [s] is that of ``key``. Cells under ``moving`` obstacles (odom) are left out.
         """
         submap = self.observed(local_map, key, time, moving)
         grid = local_map.occupancy

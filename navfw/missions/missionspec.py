@@ -241,7 +241,7 @@ class MissionSpec(StrictModel):
     description: Annotated[str, Field(description="one line for people")] = ""
     map: Annotated[
         str | None,
-        Field(description="name or file of a topological map; left out: start and goals alone"),
+        Field(description="name or file of a topological map; left out: only start and goals"),
     ] = None
     stack: Annotated[
         str | None,

@@ -39,7 +39,7 @@ class Outcome(StrEnum):
 
 
 class Cause(StrEnum):
-    """The cause of a failure; ``sentence`` is a template with a ``body`` or a ``waypoint``."""
+    """The cause of a failure, with its ``sentence``; comments of members begin with outcomes."""
 
     sentence: str
 

@@ -1,4 +1,4 @@
-"""Explanations as text, from plain data alone: a recorded one is shown without running anything."""
+"""Explanations as text, only from plain data: a recorded one is shown without a run."""
 
 from __future__ import annotations
 

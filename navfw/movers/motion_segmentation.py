@@ -37,7 +37,7 @@ _FLOOR_CELLS, _FLOOR_FLOW = 40, 3.0  # chosen
 _MIN_BASELINE = 0.002  # chosen
 """Baseline [m] below which the camera counts as standing: static points then have no flow."""
 _PATCH_GATE, _PATCH_SIGMA = 2.5, 0.1  # chosen
-"""The same for patches [sigma, px]."""
+"""Residual of a patch from which it is moving [sigma], and the sigma [px] added to its own."""
 _PATCH, _PATCH_CELLS = np.ones((3, 3), np.uint8), 7  # chosen
 """Structuring element of a patch (sides are odd, or the result would be shifted), and the number of
 its cells that are moving at least: some have no match."""

@@ -24,7 +24,7 @@ from navfw.signals import FlowField, Frame, FramePair, MovingObject, Odometry, S
 _INTERVAL = 0.2  # chosen
 """Time between the frames of a pair [s]: a walking person moves far enough to be segmented."""
 _NEAR_INTERVAL = 0.1  # chosen
-"""The same for near objects [s], whose image motion would leave the search range."""
+"""Time [s] for near objects, whose image motion would otherwise leave the search range."""
 _MAX_INTERVAL = 0.4  # chosen
 """Age [s] from which frames are dropped: images differ too much to be matched."""
 _MAX_TURN = 0.35  # chosen

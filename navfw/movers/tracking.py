@@ -190,7 +190,7 @@ class Tracker:
     def prune(
         self, time: float, pose: Pose, occupied: Callable[[float, float], bool] = lambda x, y: False
     ) -> None:
-        """Drop tracks past their life time, and old ones that overlap the robot (odom ``pose``).
+        """Drop tracks past their life at ``time`` [s], and old ones that overlap the robot in odom.
 
         One that reaches an ``occupied`` place (odom x, y [m]) stands there, as before a wall.
         """

@@ -58,7 +58,7 @@ class Blockages:
         return tuple(self._router.topo_map.passage(*sorted(ends)) for ends in self._until)
 
     def expire(self, time: float) -> ChangedPassages:
-        """Reopen, as uncertain, passages that were closed long enough by ``time``; return which."""
+        """Reopen, as uncertain, passages closed long enough by ``time`` [s]; return which."""
         over = [ends for ends, until in self._until.items() if time >= until]
         for ends in over:
             self._open(ends, votes=max(CLOSING_VOTES - 2.0, 0.0))
@@ -99,7 +99,7 @@ class Blockages:
         return True
 
     def close(self, ends: tuple[str, str], at: tuple[float, float], time: float) -> ChangedPassages:
-        """Close a passage in which the robot, ``at`` (x, y) [m], gets no further."""
+        """Close a passage at ``time`` [s]: the robot, ``at`` (x, y) [m, map], gets no further."""
         passage = self._passage(frozenset(ends))
         if passage.ends in self._until:
             return set()

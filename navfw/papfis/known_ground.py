@@ -163,7 +163,7 @@ class KnownGround:
         return centres
 
     def costs_from(self, x: float, y: float) -> Array:
-        """Compute the cost [cells, priced] of the path to each cell from (x, y) [m]."""
+        """Compute the cost [cells, priced] of the path to each cell from (x, y) [m, map]."""
         value = np.full(self.price.shape, np.inf)
         value[self.index(x, y)] = 0.0
         cost_to_go(self.price, value, _SWEEPS)
@@ -190,7 +190,7 @@ class KnownGround:
         return int(np.isfinite(self.price).sum()) * self.cell**2
 
     def lengths_from(self, x: float, y: float) -> Array:
-        """Compute the length [m] of the shortest path to each cell from (x, y) [m]; inf without."""
+        """Compute the shortest path's length [m] to each cell from (x, y) [m, map]; else inf."""
         lengths = np.full(self.price.shape, np.inf)
         lengths[self.index(x, y)] = 0.0
         cost_to_go(np.where(np.isfinite(self.price), self.cell, np.inf), lengths, _SWEEPS)

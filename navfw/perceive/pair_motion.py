@@ -195,8 +195,8 @@ RATE_DRIFT = 0.35
 that of a vehicle that begins to turn."""
 
 _RATE_SPREAD = 4.5
-"""The same as a multiple of the median of recent changes: three standard deviations of a normal
-change, since changes come suddenly."""
+"""That deviation as a multiple of the median of recent changes: three standard deviations of a
+normal change, since changes come suddenly."""
 
 MEMORY = 20
 """Number of pairs whose headings and changes of rate are remembered."""

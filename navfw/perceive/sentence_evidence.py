@@ -161,7 +161,7 @@ _RIGHT, _EVEN = 0.83, 0.5
 show the present regions 3 of 6."""
 
 _FLOOR = 0.99
-"""The same for the floor in front: 346 of 346, by the rule of succession no more than that."""
+"""Share of named floors in front that are right: 346 of 346, by the rule of succession 0.99."""
 
 Layers = Mapping[str, Mapping[str, str]]
 

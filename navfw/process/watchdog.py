@@ -94,7 +94,7 @@ class Watchdog:
 
     @contextmanager
     def _simulated_alarm(self) -> Iterator[None]:
-        """The same by a thread, where the system has no interval timer."""
+        """Ring by a thread, if the system has no interval timer."""
         number, ended = getattr(signal, _ALARM), threading.Event()
 
         def ring() -> None:

@@ -29,7 +29,7 @@ _DRIVEN_SIGMA, _TURNED_SIGMA = (0.02, 0.03), (0.01, 0.03)  # chosen
 wheels and gyro measured it, and if the last speed is kept."""
 
 _ASIDE_SIGMA = 0.005  # chosen
-"""The same for the motion to the side [m]: wheels do not slide."""
+"""Standard deviation of the motion to the side [m]: wheels do not slide."""
 
 _GATE = 3.0  # chosen
 """Deviation [sigma] from the expected motion above which a registration is discarded."""

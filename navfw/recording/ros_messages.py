@@ -1,7 +1,7 @@
 """Encode readings, commands and poses as ROS 2 messages in CDR, for recordings and bags.
 
-They are of the types of ROS 2 Jazzy that the library rosbags ships. Frames are those of REP 103 and
-105, and ``camera`` (z ahead, x right, y down).
+They are of the types of ROS 2 Jazzy that the library rosbags ships; ``now`` is their stamp [ns].
+Frames are those of REP 103 and 105, and ``camera`` (z ahead, x right, y down).
 """
 
 from __future__ import annotations

@@ -32,7 +32,7 @@ _STEPS = (1 / 64, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0)
 """Changes that are tried, as shares of an input's range."""
 
 _CORNER_STEPS = (1 / 32, 1 / 8, 1 / 4)
-"""The same for break points, which are many, and mean something else when moved further."""
+"""Changes tried of break points, which are many, and mean something else when moved further."""
 
 _FACTORS = (
     (1 / 1.1, 1 / 1.25, 1 / 1.5, 1 / 2, 1 / 4, 1 / 8, 0.0),

@@ -133,7 +133,7 @@ def _byte_field(name: str, offset: int) -> fox.PackedElementField:
 
 
 def obstacles_message(tracks: Sequence[Track], time: float, stamp: Timestamp) -> fox.SceneUpdate:
-    """Draw the confirmed moving obstacles in ``odom``, with their motion over the next second."""
+    """Draw confirmed moving obstacles in ``odom`` at ``time`` [s], and their next second."""
     shapes: list[Shape] = []
     for track in tracks:
         at = np.array(track.predict(time))

@@ -103,7 +103,7 @@ _NUMBERS = {
 """Results on the page, each with its name and unit."""
 
 _OF_ROUTES = "shortest_path_m", "shortest_with_room_m"
-"""Those that an exploration lacks: it has no goal to take the shortest path to."""
+"""Results that an exploration lacks: it has no goal to take the shortest path to."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -87,7 +87,7 @@ class _Decision:
 
     @property
     def kind(self) -> str:
-        """What this decision alone would be told as; empty if the robot drives on."""
+        """The kind of episode of only this decision; "" if the robot drives on."""
         v, w, leader = self.said["v"], self.said["w"], self.said["leader"]
         if self.said.get("lost"):
             return "lost"

@@ -1,4 +1,4 @@
-"""Publish the state of a driving node: pose, path, local map, image, and explanations."""
+"""Publish the state of a driving node: pose, path, local map, image; ``now`` are stamps [ns]."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Parameters of MOFIS' plugins as those of a node, which may change while it drives."""
+"""Offer parameters of MOFIS' plugins as those of a node, which may change while it drives."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ _STAGES = frozenset(("composite", "fusion"))
 
 
 class LiveParameters:
-    """Makes ``PLUGIN.PARAMETER`` of behaviours, composite and fusion parameters of ``node``.
+    """Declares on ``node`` the parameters of behaviours, composite, fusion: ``PLUGIN.PARAMETER``.
 
-    These stages know of earlier decisions alone, so they can begin anew: ``ros2 param set`` changes
-    them from the next decision on, and is refused for the node's other parameters. Values that the
-    node was started with hold from its start. Of a stack that only perceives there are none.
+    These stages keep nothing but earlier decisions, so they can begin anew: ``ros2 param set``
+    changes them from the next decision on, and is refused for the node's other parameters. Values
+    that the node was started with hold from its start. A stack that only perceives has none.
 
     Raises:
         NavfwError: one of these values is wrong.
@@ -46,7 +46,7 @@ class LiveParameters:
         node.serve_parameters(self.change)
 
     def change(self, values: Mapping[str, Any]) -> str:
-        """Take ``values`` by name; returns why they are refused, or no text."""
+        """Apply ``values`` by name; return why they are refused, "" if they are applied."""
         for name in self._fixed & values.keys():
             return f"{name} is read when the node starts: restart it with -p {name}:=VALUE"
         try:

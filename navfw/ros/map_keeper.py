@@ -1,4 +1,4 @@
-"""Publish the map that grows while the robot drives, and save it at each key pose."""
+"""Publish the map that grows while the robot drives, and save it; ``now`` are stamps [ns]."""
 
 from __future__ import annotations
 

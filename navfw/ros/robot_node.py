@@ -37,7 +37,7 @@ TOPICS = {
     "odom": ("nav_msgs/msg/Odometry", "by wheels and gyro"),
     "/tf": ("tf2_msgs/msg/TFMessage", "odom to base_link and camera; where tf2_msgs is installed"),
     "/clock": ("rosgraph_msgs/msg/Clock", "simulated time"),
-    "/ground_truth/odom": ("nav_msgs/msg/Odometry", "the true pose, for metrics alone"),
+    "/ground_truth/odom": ("nav_msgs/msg/Odometry", "the true pose, only for metrics"),
     "cmd_vel": ("geometry_msgs/msg/TwistStamped", "what to drive; also Twist on cmd_vel_unstamped"),
 }
 """Topics of the simulated robot: type, and meaning."""

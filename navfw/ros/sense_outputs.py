@@ -1,4 +1,4 @@
-"""``navfw ros sense``: publish one camera's percepts as those of a range sensor."""
+"""``navfw ros sense``: one camera as a range sensor for other nodes; ``now`` are stamps [ns]."""
 
 from __future__ import annotations
 

@@ -116,7 +116,7 @@ class SensorInputs:
         self._rates.clear()
 
     def image(self, topic: str, message: Any, now: float, *, landmarks: bool = False) -> None:
-        """Take an ``Image`` or ``CompressedImage``, for ``landmarks`` or as the camera's."""
+        """Take an image message that came at ``now`` [s], for ``landmarks`` or the camera's."""
         time = self.time_of(topic, message.header.stamp, now)
         if time is None:
             return
@@ -130,7 +130,7 @@ class SensorInputs:
             self._note(f"images on {topic} are left out: {error}")
 
     def imu(self, topic: str, message: Any, now: float) -> None:
-        """Take the rates of an ``Imu``, and rotate them into base_link's axes."""
+        """Take rates of an ``Imu`` that came at ``now`` [s], rotated into base_link's axes."""
         rates = np.array((*turn_rates(message), math.nan, math.nan)[:3])
         axes = self._axes_of(topic, message.header.frame_id.lstrip("/"))
         turned = axes @ rates if np.isfinite(rates).all() else rates
@@ -157,7 +157,7 @@ class SensorInputs:
         return np.eye(3)
 
     def joints(self, topic: str, message: Any, now: float) -> bool:
-        """Take the wheels of a ``JointState``; return whether it has them."""
+        """Take a ``JointState`` that came at ``now`` [s]; return whether it has the wheels."""
         angles = []
         names, positions = list(message.name), np.asarray(message.position, dtype=np.float64)
         for side in self._joints:
@@ -171,7 +171,7 @@ class SensorInputs:
         return self._wheels(topic, message, now, np.array(angles) * per_angle)
 
     def odometry(self, topic: str, message: Any, now: float) -> bool:
-        """Take an ``Odometry``: distances along its heading, and turns; return if valid."""
+        """Take distances and turns of an ``Odometry`` that came at ``now`` [s]; return if valid."""
         x, y, yaw = planar_pose(message)
         if not all(map(math.isfinite, (x, y, yaw))):
             self._note(f"poses on {topic} are not numbers: such messages are left out")

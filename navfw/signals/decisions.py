@@ -72,7 +72,7 @@ class Waypoint:
 
     @classmethod
     def goal(cls, x: float, y: float, tolerance: float, place: str = "") -> Self:
-        """Make the waypoint of a mission goal at (x, y) [m], of kind "goal" and ``final``."""
+        """Make the waypoint of a mission goal at (x, y) [m, map], of kind "goal" and ``final``."""
         return cls(x, y, tolerance, place, "goal", final=True)
 
     @property

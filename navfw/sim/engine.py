@@ -187,7 +187,7 @@ class SimulatorWindow(BulletClient):
         self._said = int(self._call("addUserDebugText", f"      {text}", self._text_at, **look))
 
     def draw(self, name: str, points: Sequence[Point3], color: tuple[int, int, int]) -> None:
-        """Draw a line through ``points``; it replaces the last one of this ``name``."""
+        """Draw a line through ``points`` in place of the last one of this ``name``; RGB to 255."""
         before = self._lines.get(name, [])
         now = []
         for number, ends in enumerate(pairwise(points)):
@@ -198,7 +198,7 @@ class SimulatorWindow(BulletClient):
         self._lines[name] = now
 
     def extend(self, start: Point3, end: Point3, color: tuple[int, int, int]) -> None:
-        """Draw a permanent line from ``start`` to ``end``."""
+        """Draw a permanent line from ``start`` to ``end``; ``color`` is RGB, 0 to 255."""
         self._line(start, end, color, -1)
 
     def _line(self, start: Point3, end: Point3, color: tuple[int, int, int], replaced: int) -> int:

@@ -79,7 +79,7 @@ class _Strip:
         return ax * dx + ay * dy, ax * dy - ay * dx
 
     def rectangle(self, cell: float, border: int) -> Rectangle:
-        """The same in metres, from the corner of the grid without its border."""
+        """Return the rectangle in metres, from the corner of the grid without its border."""
         (ax, ay), half, deep = self.along, 0.5 * self.length, 0.5 * self.depth
         x = self.start[0] + half * ax - deep * ay - border
         y = self.start[1] + half * ay + deep * ax - border

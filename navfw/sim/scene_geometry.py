@@ -125,17 +125,17 @@ class SceneGeometry:
         return nearest
 
     def clearance(self, x: float, y: float) -> float:
-        """Distance [m] of a point to the nearest solid; the robot's radius is not subtracted."""
+        """Distance [m] of a point [m, map] to the nearest solid, without the robot's radius."""
         return float(self.clearances(np.array([[x, y]]))[0])
 
     def nearest_name(self, x: float, y: float) -> str:
-        """Name of the solid nearest to the point x, y [m]; "" if there is none."""
+        """Name of the solid nearest to the point x, y [m, map]; "" if there is none."""
         point = np.array([[x, y]])
         distances = [float(s.shape.distance(point)[0]) for s in self.solids]
         return self.solids[int(np.argmin(distances))].name if distances else ""
 
     def check_free(self, x: float, y: float, radius: float, what: str) -> None:
-        """Check that a disc of ``radius`` [m] is free at x, y [m]; ``what`` begins the message.
+        """Check that a disc of ``radius`` [m] is free at x, y [m, map]; ``what`` begins errors.
 
         Raises:
             WorldError: the disc overlaps a solid, or leaves the floor.

@@ -264,7 +264,7 @@ def floor_pieces(world: WorldSpec) -> list[Rectangle]:
 
 
 def drop_at(world: WorldSpec, x: float, y: float) -> DropSpec | None:
-    """The drop that contains the point x, y [m]; None if there is none."""
+    """The drop that contains the point x, y [m, map]; None if there is none."""
     return next((d for d in world.drops if d.x[0] < x < d.x[1] and d.y[0] < y < d.y[1]), None)
 
 

@@ -42,7 +42,7 @@ def _ask_about_units(document: YamlDocument) -> None:
         limit = _MAX_RATIO * max(float(high) - float(low) for low, high in (data["x"], data["y"]))
         items = [(key, i, item) for key in _SOLIDS for i, item in enumerate(data.get(key) or ())]
     except (KeyError, OverflowError, TypeError, ValueError):
-        return  # the specification tells what is wrong
+        return  # the specification reports what is wrong
     large = [(key, i) for key, i, item in items if _extent(item) > limit > 0.0]
     if large:
         what = f"beyond {limit:g} m, {_MAX_RATIO:g} times the floor; is that in millimetres?"

@@ -63,7 +63,7 @@ class MappedPart:
 
     @property
     def path(self) -> float:
-        """Its length [m] up to the last key pose."""
+        """Length [m] of the part up to the last key pose."""
         return self.growing.keys[-1].path if self.growing.keys else 0.0
 
 

@@ -232,7 +232,7 @@ class SuiteFolder:
     def _check_journal(self) -> None:
         if is_file(self.journal.file):
             return
-        what = "has no journal.sqlite, from which alone the runs of a suite are read"
+        what = "has no journal.sqlite, the only file from which runs of a suite are read"
         if not is_folder(self.path):
             what = "is no folder; expected that of a suite"
         elif is_file(self.table):

@@ -29,7 +29,7 @@ class Place:
     kind: PlaceKind = "room"
 
     def distance(self, x: float, y: float) -> float:
-        """Return the straight distance [m] to the point (x, y) [m]."""
+        """Return the straight distance [m] to the point (x, y) [m, map]."""
         return math.hypot(self.x - x, self.y - y)
 
 

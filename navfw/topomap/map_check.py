@@ -22,7 +22,7 @@ Clearances = Callable[[Array], Array]
 """Distances [m] of points (N, 2) in ``map`` to the nearest solid; negative inside one."""
 
 _RADIUS = RobotModel().radius
-"""That of the default robot [m]."""
+"""Radius of the default robot [m]."""
 
 _SAME_POINT = 0.05  # chosen
 """Distance [m] below which two places count as duplicates."""

@@ -161,7 +161,7 @@ class Regions:
         self._corridors: dict[int, bool] = {}
 
     def at(self, x: float, y: float) -> int:
-        """Return the number of the region at a point [m] of the grid."""
+        """Return the number of the region at the point (x, y) [m, map]; 0 if it is occupied."""
         return int(self._labels[self._index(x, y)])
 
     def area(self, region: int) -> float:

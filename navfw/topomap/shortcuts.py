@@ -23,10 +23,10 @@ _STRETCH = 1.05  # chosen
 """Largest length of a path in the graph, over that of the shortest one with ``_COMFORT``."""
 
 _LAST_STRETCH = 1.2  # chosen
-"""The same for paths from and to points that are taken only because paths lead over them."""
+"""Such a factor for paths from and to points used only because paths lead over them."""
 
 _HALL_STRETCH = 2.0  # chosen
-"""The same for paths over a point in a hall that is none of those that matter."""
+"""Such a factor for paths over a point in a hall that is none of those that matter."""
 
 _COMFORT = 0.45  # chosen
 """Clearance [m] of lines that are not lines of the given graph."""

@@ -204,7 +204,7 @@ class TopoMap(Sealed):
         return np.hypot(self._points[:, 0] - x, self._points[:, 1] - y)
 
     def nearest_place(self, x: float, y: float) -> Place:
-        """Return the place at the least straight distance from (x, y) [m], regardless of walls."""
+        """Return the place nearest to (x, y) [m, map] in a straight line, regardless of walls."""
         return list(self.places.values())[int(np.argmin(self.place_distances(x, y)))]
 
     def nearest_passage(self, x: float, y: float) -> PassageProjection | None:

@@ -41,7 +41,7 @@ class TunedNumber:
     now: float
 
     def start(self) -> dict[str, float]:
-        """Its present value in the stack, by the name of Optuna's parameter."""
+        """The number's present value in the stack, by the name of Optuna's parameter."""
         return {self.path: self.now}
 
     def suggest(self, trial: BaseTrial) -> float:

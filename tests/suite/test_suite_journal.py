@@ -193,7 +193,7 @@ def test_what_is_no_folder_of_a_suite_has_no_rows(tmp_path: Path) -> None:
     for name, message in (
         ("none", "is no folder; expected that of a suite"),
         ("table.csv", "is no folder; expected that of a suite"),
-        ("empty", "has no journal.sqlite, from which alone the runs of a suite are read"),
+        ("empty", "has no journal.sqlite, the only file from which runs of a suite are read"),
     ):
         with pytest.raises(InputError, match=f"{name}: {message}"):
             SuiteFolder(tmp_path / name).rows()
