@@ -50,9 +50,9 @@ _MIN_EXPLAINED = 0.5  # chosen
 robot moves otherwise than the floor."""
 
 _SLANT_SIGMA, _MAX_SLANT = 0.5, 0.25  # measured
-"""Standard deviation of the slant (``floor_kernels.SLANT``) of what is seen before it is measured,
-and the slant beyond which it is no floor. Measured: 0.0 to 0.1 of floors, 0.5 to 1.0 of walls that
-fill the view."""
+"""Standard deviation of the slant (``floor_kernels.SLANT``) of a surface before it is measured, and
+the slant beyond which it is no floor. Measured: 0.0 to 0.1 of floors, 0.5 to 1.0 of walls that fill
+the view."""
 
 _MIN_PIXELS = 100  # chosen
 """Least number of pixels that could show the floor."""

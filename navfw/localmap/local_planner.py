@@ -29,7 +29,7 @@ from navfw.signals import OccupiedDisc, Pose, wrap_angle
 TURN_PRICE = 0.25  # chosen
 """Extra price of the first turn [m/rad]."""
 LEAVE_PRICE = 0.15  # chosen
-"""Extra price of a cell off the last plan's path."""
+"""Extra price [m per m] of a cell off the last plan's path."""
 
 _GAPS = np.ones((3, 3), np.uint8)  # defined
 _NO_WAY: Array = np.empty((0, 4))  # defined
