@@ -191,17 +191,16 @@ def _drives(
         bag: Bag | FolderDrive
         if is_bag(path):
             bag = Bag(path, *of_bags)
-            lacking, contradiction = bag.lacking, camera_contradiction(bag)
+            contradiction = camera_contradiction(bag)
         elif is_folder(path) and not is_file(path / RESULT):
-            bag = FolderDrive(path)
-            lacking, contradiction = bag.lacking, ""
+            bag, contradiction = FolderDrive(path), ""
         else:
             yield recorded_drive(path)
             continue
         model = load_robot(robot or "default")
         notes += [f"{path}: {contradiction}"] if contradiction else []
         readings = partial(tuple, BagReadings(bag, model, only_gyro=True))
-        yield TeachingDrive(path, model, readings, lacking=lacking)
+        yield TeachingDrive(path, model, readings)
         notes += [f"{path}: {note}" for note in dict.fromkeys(bag.notes)]
         assumed += bag.assumed
 

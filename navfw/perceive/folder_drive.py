@@ -22,19 +22,12 @@ from navfw.perceive.timed_table import TIME, TIME_NAMES, TableFormat, TimedTable
 from navfw.recording.bag_reader import BagImage
 
 _GYRO, _WHEELS, _TIMES = "gyro.csv", "wheels.csv", "times.csv"
-_NEEDED = {
-    "gyro": f"a gyro: there is no {_GYRO} (time [s], yaw_rate [rad/s])",
-    "wheels": f"wheels: there is no {_WHEELS} (time [s], left, right: angles [rad])",
-}
-"""What is said of a folder in which this table is missing."""
 _SIDES = ("left", "right")
 _ANGLES = TableFormat((TIME, *_SIDES), 3, TIME_NAMES | {side: side for side in _SIDES})
 
 
 class FolderDrive:
     """The sensor data in the folder ``path``, with the attributes of a ``Bag``; iterable once.
-
-    ``lacking`` says which tables are missing that a map needs.
 
     Raises:
         InputError: a table is wrong, there are no images, or their times are not known.
@@ -44,10 +37,9 @@ class FolderDrive:
     def __init__(self, path: Path) -> None:
         self.path, self.file = path, shown_path(path)
         has = {name: is_file(path / f"{name}.csv") for name in ("gyro", "wheels", "times")}
-        self.lacking = {name: what for name, what in _NEEDED.items() if not has[name]}
         listed = load_image_times(path / _TIMES) if has["times"] else None
         self._images = open_source([path], listed=listed)
-        if len(self.lacking) == len(_NEEDED) and not self._images.rate_known:
+        if not (has["gyro"] or has["wheels"] or self._images.rate_known):
             what = f"the times of the images are not known: write {_TIMES} (time [s], file)"
             raise ConfigError(what, file=self.file)
         angles = np.empty((0, 3))

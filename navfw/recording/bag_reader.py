@@ -48,13 +48,6 @@ _MAX_RATE = 10.0
 _REMEDIES = {".bag": "rosbag reindex", ".active": "rosbag reindex", ".mcap": "mcap recover"}
 """The command that repairs a bag, by its suffix; ``ros2 bag reindex`` repairs a folder."""
 
-_SENSORS = {
-    "camera": "a camera: there are no images (sensor_msgs Image or CompressedImage)",
-    "gyro": "a gyro: there is no topic of sensor_msgs/Imu",
-    "wheels": "wheels: there is no topic of sensor_msgs/JointState or nav_msgs/Odometry",
-}
-"""What is said of a bag in which this sensor is missing."""
-
 
 class BagImage(NamedTuple):
     """An image message, its ``name``, its stamp ``time`` and when it was ``received`` [s]."""
@@ -188,13 +181,6 @@ class Bag:
             if files != [self.path]:
                 what = "is missing or wrong, so each file is read by itself"
                 self.notes.append(f"metadata.yaml {what}; ros2 bag reindex writes it")
-
-    @property
-    def lacking(self) -> dict[str, str]:
-        """What is missing, by role, of the sensors that a map needs; {} if all have messages."""
-        wheels = len(self.joints) or len(self.odometry)
-        counts = {"camera": len(self.images), "gyro": len(self.gyro), "wheels": wheels}
-        return {role: _SENSORS[role] for role, count in counts.items() if not count}
 
     @property
     def image_topic(self) -> str:

@@ -7,9 +7,9 @@ it is split, and its parts are joined only where they certainly overlap.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -52,15 +52,13 @@ _MIN_DETECTIONS = 3
 class TeachingDrive:
     """A recorded drive of ``robot`` in ``file``; ``readings()`` loads it.
 
-    ``start`` is the pose in ``map`` where it begins. ``lacking`` says what is missing, by "camera",
-    "gyro" and "wheels".
+    ``start`` is the pose in ``map`` where it begins.
     """
 
     file: Path
     robot: RobotModel
     readings: Callable[[], Sequence[SensorReading]]
     start: Pose = _ORIGIN
-    lacking: Mapping[str, str] = field(default_factory=dict)
 
 
 def recorded_drive(folder: Path) -> TeachingDrive:
@@ -253,11 +251,8 @@ def _complete(
         ConfigError: a sensor is missing that the floor's motion does not replace.
 
     """
-    missing = dict(drive.lacking)
-    readings: Sequence[SensorReading] = ()
-    if "camera" not in missing:
-        readings = drive.readings()
-        missing = _missing(readings) | missing
+    readings = drive.readings()
+    missing = _missing(readings)
     if not missing:
         return readings
     what = "a map needs " + "; and ".join(missing.values())
@@ -285,7 +280,10 @@ def _missing(readings: Sequence[SensorReading]) -> dict[str, str]:
     if not any(reading.frame is not None for reading in readings):
         missing["camera"] = "a camera: there are no images"
     if not np.isfinite(rates).any():
-        missing["gyro"] = "a gyro: no yaw rate is a number"
+        where = "sensor_msgs/Imu in a bag, gyro.csv (time [s], yaw_rate [rad/s]) in a folder"
+        missing["gyro"] = f"a gyro: there are no yaw rates ({where})"
     if len(ticks) == 0 or not np.ptp(ticks, axis=0).any():
-        missing["wheels"] = "wheels: their counts never change"
+        where = "sensor_msgs/JointState or nav_msgs/Odometry in a bag"
+        where += ", wheels.csv (time [s], left, right: angles [rad]) in a folder"
+        missing["wheels"] = f"wheels: they never turn ({where})"
     return missing

@@ -43,7 +43,7 @@ def test_stamps_that_stand_still_are_no_clock(tmp_path: Path) -> None:
 def test_a_gyro_in_degrees_is_not_taken(tmp_path: Path) -> None:
     fast = [imu(0.1 * k, (0.0, 0.0, float(np.degrees(rate)))) for k, rate in enumerate(RATES)]
     bag = Bag(write_bag(tmp_path / "fast.mcap", [*IMAGES, *fast]))
-    assert (len(bag.gyro), "gyro" in bag.lacking) == (0, True)
+    assert len(bag.gyro) == 0
     assert "/imu has rates of 26 rad/s, as if in degrees: it is not taken as a gyro" in bag.notes
     # as slow as a robot's in radians: it contradicts the images
     slow = [imu(0.1 * k, (0.0, 0.0, 20.0 * float(rate))) for k, rate in enumerate(RATES)]
