@@ -54,8 +54,8 @@ _MODEL = ("distortion_model", "camera_model", "model_type", "model", "type")
 _FISHEYE_FLAG = ("fisheye_model", "fisheye")
 _MAX_SIDE = 20_000  # chosen
 """Longest side of an image [px]."""
-_CENTRAL = 0.3  # chosen
-"""Least share of the image's width or height on each side of an unbinned principal point."""
+_CENTRAL = (0.2, 0.3)  # chosen
+"""Least share of the image on each side of the principal point, and if images are binned."""
 
 
 def load_calibration(path: Path, camera: str | None = None) -> CameraCalibration:
@@ -171,11 +171,12 @@ class _Reader:
         matrix, size = self.matrix(), self.size()
         steps = [max(self._pixels(self._paths.get(f"binning_{axis}", ())), 1) for axis in "xy"]
         for k, side in enumerate(size or ()):
-            central = _CENTRAL < matrix[k, 2] / side < 1.0 - _CENTRAL
-            if max(steps) > 1 and not central:
+            least = _CENTRAL[max(steps) > 1]
+            if not least < matrix[k, 2] / side < 1.0 - least:
                 what = f"its principal point {matrix[k, 2]:g} is not near the middle of {side} px"
-                key = self._key((f"binning_{'xy'[k]}",)) or ()
-                raise self._error(f"{what}: the camera matrix was binned already", key)
+                why = "the camera matrix is that of another size, or was binned already"
+                key = self._key((*_MATRIX, *(names[2 + k] for names in _FOCALS))) or ()
+                raise self._error(f"{what}: {why}", key)
         part = self._paths.get("roi", ("roi",))
         roi = [self._pixels((*part, name)) for name in ("x_offset", "y_offset", "width", "height")]
         for k, step in enumerate(steps):
@@ -206,10 +207,6 @@ class _Reader:
             raise self._error("expected the rows fx 0 cx, 0 fy cy, 0 0 1", path)
         if abs(matrix[0, 1]) > 0.01 * fx:
             raise self._error(f"expected no skew, got {matrix[0, 1]:g} px", path)
-        (x, y), size = matrix[:2, 2], self.size()
-        if size is not None and not (0.0 < x < size[0] and 0.0 < y < size[1]):
-            what = f"the principal point ({x:g}, {y:g}) lies outside of images"
-            raise self._error(f"{what} of {size[0]} x {size[1]} px", path)
         return matrix
 
     def coefficients(self, model: str) -> Array:

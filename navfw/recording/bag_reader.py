@@ -355,7 +355,7 @@ class Bag:
             raise
         except Exception as error:  # rosbags raises errors of many kinds for damaged content
             reason = " ".join(str(error).split())[:200] or type(error).__name__
-            hint = "of a run's recording make one by navfw export"
+            hint = "of a run's recording make one by navfw export, of ROS 1 by rosbags-convert"
             if "ros2" not in reason:
                 hint = f"{_REMEDIES.get(self.path.suffix, 'ros2 bag reindex')} may repair it"
             raise ConfigError(f"not a readable bag: {reason}; {hint}", file=self.file) from None

@@ -224,7 +224,11 @@ def test_binned_and_cut_images_are_those_of_rep_104(tmp_path: Path) -> None:
         (PARTS.replace("x: 0", "x: -1", 1), "yaml:6: binning_x: expected pixels, 0 to 20000, got"),
         (
             PARTS.replace("x: 0", "x: 2", 1).replace("367.2", "180"),
-            "yaml:6: binning_x: its principal point 180 is not near the middle of 752 px",
+            "yaml:5: K: its principal point 180 is not near the middle of 752 px",
+        ),
+        (
+            EUROC.replace("752, 480", "376, 240"),
+            "its principal point 367.2 is not near the middle of 376 px: .* another size",
         ),
         (
             OST + OST.replace("narrow_stereo", "right"),

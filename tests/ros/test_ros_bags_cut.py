@@ -49,6 +49,14 @@ def test_the_intact_part_of_a_bag_that_is_cut_off_is_read(
     assert len(answer("perceive", file)) == len(bag.images) - 1
 
 
+def test_a_file_of_sqlite_that_ends_with_a_page_is_cut_off_as_well(tmp_path: Path) -> None:
+    file = the_file(write_bag(tmp_path / "a.db3", sent()))
+    whole = Bag(file)
+    with file.open("r+b") as stream:
+        stream.truncate(file.stat().st_size // 2 // 4096 * 4096)
+    assert 2 <= len(Bag(file).images) < len(whole.images)
+
+
 @pytest.mark.parametrize("packing", list(CompressionType))
 def test_chunks_are_unpacked_as_far_as_they_go(packing: CompressionType, tmp_path: Path) -> None:
     from bag_samples import ROS2, message, nanoseconds
