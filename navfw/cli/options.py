@@ -161,6 +161,9 @@ Topic = Annotated[
 ]
 
 
+LivePort = Annotated[int, typer.Option(min=0, max=65535, help="Port of --live; 0: a free one.")]
+
+
 ImuAxes = Annotated[
     str | None,
     typer.Option(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-import re
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from navfw.cli.options import ImuAxes, Topic, from_options
+from navfw.cli.options import ImuAxes, LivePort, Topic, from_options
 from navfw.cli.output import echo, print_assumed, print_json_list, quiet_stdout, quietly
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError, locating
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
     from navfw.perceive.perceiver import Perceiver
     from navfw.perceive.perceiver_options import PerceiverOptions
     from navfw.recording import Bag
+    from navfw.report.perceive_live import PerceiveServer
     from navfw.report.report_page import PerceivePage
 
 
@@ -39,8 +39,13 @@ class PerceiveOptions:
     """Arguments and options of ``navfw perceive``."""
 
     source: Annotated[
-        list[Path], typer.Argument(help="A folder of images, a video, image files, or a bag.")
-    ]
+        list[Path] | None,
+        typer.Argument(
+            help="A folder of images, a video, image files, or a bag; without one, the webcam"
+            " --camera N.",
+            show_default=False,
+        ),
+    ] = None
     topic: Topic = None
     hfov: Annotated[
         float | None,
@@ -59,7 +64,10 @@ class PerceiveOptions:
     ] = None
     camera: Annotated[
         str | None,
-        typer.Option(help="Which camera of a calibration of several: its name or topic."),
+        typer.Option(
+            help="Which camera of a calibration of several: its name or topic. Without a source:"
+            " the number of a webcam, from 0 on."
+        ),
     ] = None
     speed: Annotated[
         float | None,
@@ -135,6 +143,15 @@ class PerceiveOptions:
             help="Write a page to scroll through: pictures, sentences, nearness (extra report).",
         ),
     ] = None
+    live: Annotated[
+        bool,
+        typer.Option(
+            "--live",
+            help="Serve that page to this machine alone while the images come, at their"
+            " own speed, from the first viewer on (extra report).",
+        ),
+    ] = False
+    port: LivePort = 8765
     json: Annotated[
         bool, typer.Option("--json", help="Print a JSON list of objects, one per pair of images.")
     ] = False
@@ -144,7 +161,8 @@ class PerceiveOptions:
 @from_options
 def perceive(options: PerceiveOptions) -> None:
     """Run perception on recorded images. Lists obstacles, distances and the situation."""
-    if len(options.source) > 1 or not is_bag(options.source[0]):
+    source = options.source or []
+    if len(source) != 1 or not is_bag(source[0]):
         if options.topic is not None:
             raise InputError("is for a bag", key="--topic")
         _perceive(options)
@@ -154,7 +172,7 @@ def perceive(options: PerceiveOptions) -> None:
             from navfw.perceive.bag_source import unpacked_bag
             from navfw.recording.bag_reader import Bag
 
-            bag = Bag(options.source[0], options.topic, options.imu_axes)
+            bag = Bag(source[0], options.topic, options.imu_axes)
             pitch = math.radians(options.pitch or 0.0)
             own = stack.enter_context(unpacked_bag(bag, pitch))
         with locating(file=bag.file):
@@ -170,7 +188,8 @@ def _perceive(given: PerceiveOptions, bag: Bag | None = None, own: BagInputs | N
         from navfw.perceive.image_times import load_image_times
         from navfw.perceive.pair_result import as_data
         from navfw.perceive.perceiver import Perceiver
-        from navfw.perceive.perceiver_options import PerceiverOptions
+        from navfw.perceive.perceiver_options import PerceiverOptions, parse_grid
+        from navfw.perceive.webcam import Webcam, webcam_number
         from navfw.plugins import default_registry
 
         for one, other in (("hfov", "calibration"), ("fps", "times"), ("gyro", "poses")):
@@ -179,27 +198,36 @@ def _perceive(given: PerceiveOptions, bag: Bag | None = None, own: BagInputs | N
         same = ("hfov", "speed", "height", "pitch", "flow", "stride")
         options = PerceiverOptions(
             **{name: getattr(given, name) for name in same},
-            grid=None if given.grid is None else _grid(given.grid),
+            grid=None if given.grid is None else parse_grid(given.grid),
         )
         listed = None if given.times is None else load_image_times(given.times)
         if own is not None and given.fps is None:
             listed = listed or own.times
         source = given.source if own is None else [own.folder]
-        opened = partial(open_source, source, given.fps, listed=listed)
-        options = replace(options, gyro=_motion_record(given, own, opened(None)))
+        opened: Callable[[CameraCalibration | None], ImageSource]
+        if source:
+            opened = partial(open_source, source, given.fps, listed=listed)
+        else:
+            recorded = [n for n in ("fps", "times", "gyro", "poses") if getattr(given, n)]
+            opened = partial(Webcam, webcam_number(given.camera, recorded))
+        options = replace(options, gyro=_motion_record(given, own, opened))
     with ProgressBar("perceive", quiet=given.quiet) as bar:
         with quiet_stdout():
             topic = given.camera or (None if bag is None else bag.image_topic)
             calibration, view, lens = _lens(opened, replace(given, camera=topic), own, bar)
-            options = _compared(replace(options, hfov=view), opened(calibration), given, bar)
+            compared = partial(opened, calibration)
+            options = _compared(replace(options, hfov=view), compared, given, bar)
             images = opened(calibration)
-            perceiver, page = Perceiver(options, images, default_registry()), None
+            perceiver = Perceiver(options, images, default_registry())
         counter = _ResultCounter(perceiver, bar, [] if bag is None else bag.assumed)
-        if given.page is not None:
-            from navfw.report.report_page import PerceivePage
-
-            page = PerceivePage(f"Perceived: {given.source[0]}")
-        with contextlib.closing(_results(perceiver, given.overlay, page)) as results:
+        page, server = _pages(given, f"Perceived: {given.source[0] if given.source else images}")
+        if server is not None:
+            bar.show_part("waiting for the first viewer")
+        pages = [one for one in (page, server) if one is not None]
+        with (
+            contextlib.nullcontext() if server is None else contextlib.closing(server),
+            contextlib.closing(_results(perceiver, given.overlay, pages)) as results,
+        ):
             shown = counter.counted(quietly(results))
             if given.json:
                 estimated = None if lens is None else lens.as_data()
@@ -243,32 +271,51 @@ def _lens(
         return load_calibration(given.calibration, given.camera), None, None
     if own is not None and own.lens is not None and given.hfov is None:
         return own.lens, None, None
+    if not given.source:
+        return None, given.hfov, None
     estimate = estimate_lens(opened(None), given.hfov, lambda: bar.show_part("estimating the lens"))
     return estimate.calibration, estimate.known_hfov(given.hfov), estimate
 
 
 def _results(
-    perceiver: Perceiver, overlay: Path | None, page: PerceivePage | None
+    perceiver: Perceiver, overlay: Path | None, pages: Sequence[PerceivePage | PerceiveServer]
 ) -> Generator[PairResult]:
-    """Yield the result of each pair of images; draw it to ``overlay`` and ``page``."""
+    """Yield the result of each pair of images; draw it to ``overlay`` and ``pages``."""
     from navfw.perceive.overlay import draw, open_output
     from navfw.perceive.pair_result import as_data
 
     nothing = contextlib.nullcontext(None)
     with nothing if overlay is None else open_output(overlay, perceiver.source) as output:
         for item, result in perceiver.results():
-            if output is not None or page is not None:
+            if output is not None or pages:
                 assert perceiver.size is not None  # noqa: S101 - known from the first image on
                 picture = draw(item.image, result, perceiver.size)
             if output is not None:
                 output.add(picture)
-            if page is not None:
+            for page in pages:
                 page.add(picture, as_data(result))
             yield result
 
 
+def _pages(given: PerceiveOptions, title: str) -> tuple[PerceivePage | None, PerceiveServer | None]:
+    """The page to write and the live one, as far as they are wanted."""
+    page = server = None
+    if given.page is not None:
+        from navfw.report.report_page import PerceivePage
+
+        page = PerceivePage(title)
+    if given.live:
+        from navfw.report.perceive_live import PerceiveServer
+
+        server = PerceiveServer(title, given.port)
+        echo(f"live: {server.url} (the first viewer begins it)", err=True)
+    return page, server
+
+
 def _motion_record(
-    given: PerceiveOptions, own: BagInputs | None, images: ImageSource
+    given: PerceiveOptions,
+    own: BagInputs | None,
+    opened: Callable[[CameraCalibration | None], ImageSource],
 ) -> MotionRecord | None:
     """Return the record of the camera's motion, with times since the first image."""
     from navfw.perceive.motion_record import load_gyro_record, load_pose_record
@@ -280,11 +327,14 @@ def _motion_record(
         record = load_gyro_record(given.gyro, axes)
     elif given.poses is not None:
         record = load_pose_record(given.poses, math.radians(given.pitch or 0.0), axes)
-    return None if record is None else record.on_clock_of(images)
+    return None if record is None else record.on_clock_of(opened(None))
 
 
 def _compared(
-    options: PerceiverOptions, images: ImageSource, given: PerceiveOptions, bar: ProgressBar
+    options: PerceiverOptions,
+    images: Callable[[], ImageSource],
+    given: PerceiveOptions,
+    bar: ProgressBar,
 ) -> PerceiverOptions:
     """Return the options with a record, if any, in the axes in which it turns as the images do.
 
@@ -296,7 +346,7 @@ def _compared(
         return options
     tick = partial(bar.show_part, "comparing the axes of the gyro")
     is_given = given.imu_axes is not None
-    record = compared(options.gyro, images, options, given=is_given, tick=tick)
+    record = compared(options.gyro, images(), options, given=is_given, tick=tick)
     if not record.measured:
         echo(f"note: {record.notes[-1]}", err=True)
         return replace(options, gyro=None)
@@ -347,10 +397,3 @@ class _ResultCounter:
         if self._unknown:
             notes.append(f"{self._unknown} of {self._pairs} pairs of images give no result")
         return notes
-
-
-def _grid(text: str) -> tuple[int, int]:
-    match = re.fullmatch(r"\s*([0-9]{1,3})\s*[xX*]\s*([0-9]{1,3})\s*", text)
-    if match is None:
-        raise InputError(f"expected ROWSxCOLUMNS such as 12x16, got {text!r}", key="--grid")
-    return int(match[1]), int(match[2])

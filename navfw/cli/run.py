@@ -121,9 +121,7 @@ class RunOptions:
         bool,
         typer.Option("--live", help="Serve the run as a page, only to this machine."),
     ] = False
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Port of --live; 0: a free one.")] = (
-        8765
-    )
+    port: options.LivePort = 8765
     origin: Annotated[
         list[str] | None,
         typer.Option(

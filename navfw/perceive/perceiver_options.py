@@ -6,6 +6,7 @@ Images are scaled and cropped to a size that the flow's grid divides.
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 
 import cv2
@@ -223,3 +224,16 @@ class PerceiverOptions:
         if self.pitch is None:
             assumed.append(Assumption("pitch", "0 degrees until the floor shows it", "", "--pitch"))
         return [*assumed, *source.assumed, *(() if self.gyro is None else self.gyro.assumed)]
+
+
+def parse_grid(text: str) -> tuple[int, int]:
+    """Return rows and columns of a grid such as ``12x16``.
+
+    Raises:
+        InputError: ``text`` is not of that form.
+
+    """
+    match = re.fullmatch(r"\s*([0-9]{1,3})\s*[xX*]\s*([0-9]{1,3})\s*", text)
+    if match is None:
+        raise InputError(f"expected ROWSxCOLUMNS such as 12x16, got {text!r}", key="--grid")
+    return int(match[1]), int(match[2])

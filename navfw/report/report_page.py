@@ -67,6 +67,22 @@ _KEPT = "time", "statements", "notes", "front", "confidence", "ttc_s"
 _QUADRANTS = ("P1", "P2", "P3", "P4")
 
 
+def moment_of(picture: Image, result: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what the page of perceived images shows of a result, given as plain data.
+
+    ``picture`` (height, width, 3) BGR is its overlay.
+    """
+    contacts = [result["distances"][name]["ttc_s"] for name in _QUADRANTS]
+    image = reduced_source(picture, _WIDTH, quality=_QUALITY)
+    return {name: result[name] for name in _KEPT} | {"contacts": contacts, "image": image}
+
+
+def nearness_of(result: Mapping[str, Any]) -> tuple[float, ...]:
+    """Return the time [s] and the nearness of each quadrant [1/s], NaN where it is unknown."""
+    contacts = (result["distances"][name]["ttc_s"] for name in _QUADRANTS)
+    return (result["time"], *(math.nan if one is None else 1.0 / one for one in contacts))
+
+
 class PerceivePage:
     """Collects the results of an image sequence called ``title`` for one page without network."""
 
@@ -78,28 +94,27 @@ class PerceivePage:
 
     def add(self, picture: Image, result: Mapping[str, Any]) -> None:
         """Add an image: its overlay (height, width, 3) BGR, and its result as plain data."""
-        contacts = [result["distances"][name]["ttc_s"] for name in _QUADRANTS]
-        nearness = (math.nan if contact is None else 1.0 / contact for contact in contacts)
-        self._nearness.append((result["time"], *nearness))
+        self._nearness.append(nearness_of(result))
         self._seen += 1
         self._changes += self._sentence not in {"", result["sentence"]}
         self._sentence = result["sentence"]
         if (self._seen - 1) % self._every:
             return
-        moment = {name: result[name] for name in _KEPT}
-        moment["contacts"] = contacts
-        moment["image"] = reduced_source(picture, _WIDTH, quality=_QUALITY)
-        self._moments.append(moment)
+        self._moments.append(moment_of(picture, result))
         if len(self._moments) > _MAX_PICTURES:
             self._every *= 2
             del self._moments[1::2]
 
-    def render(self, notes: list[str]) -> str:
-        """Return the page as HTML, with ``notes`` on the whole sequence."""
+    def render(self, notes: list[str], *, live: bool = False) -> str:
+        """Return the page as HTML, with ``notes`` on the whole sequence.
+
+        A ``live`` page shows what ``PerceiveServer`` sends it.
+        """
         columns = np.round(np.array(self._nearness).reshape(-1, 5).T, 4)
         return render_page(
             "perceive_page.html",
             title=self._title,
+            live=live,
             notes=notes,
             moments=self._moments,
             pairs=self._seen,

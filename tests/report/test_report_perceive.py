@@ -1,15 +1,18 @@
 """The page of perceived images: what it shows in a browser, and how much of a long sequence."""
 
+import threading
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from live_browser import live_browser
 from perceive_calls import APPROACH, perceive
 from perceive_images import save
 from report_browser import seen_in_browser
 
 from navfw.numerics import Image
+from navfw.report.perceive_live import PerceiveServer
 from navfw.report.report_page import PerceivePage
 
 PROBE = """
@@ -69,3 +72,26 @@ def test_of_a_long_sequence_evenly_spaced_pictures_are_shown(count: int, shown: 
     assert f"{count} pairs of images, {shown} of them shown" in text
     assert f"the words change {(count - 1) // 100} times" in text
     assert "a note with &lt;b&gt;" in text
+
+
+def test_the_live_page_shows_the_results_from_the_first_viewer_on(tmp_path: Path) -> None:
+    server, begun = PerceiveServer("a drive"), threading.Event()
+
+    def work() -> None:
+        for number in range(12):
+            server.add(PICTURE, result(number, f"Front is a wall, {number}"))
+            begun.set()
+
+    worker = threading.Thread(target=work, daemon=True)
+    worker.start()
+    assert not begun.wait(0.3)  # until somebody looks
+    with live_browser(tmp_path) as browser:
+        browser.open(server.url)
+        assert begun.wait(10.0)
+        browser.wait_for("document.getElementById('sentence').textContent.endsWith(', 11')")
+        assert browser.evaluate("document.querySelectorAll('#said tr').length") == 1
+        assert browser.evaluate("document.getElementById('live').textContent") == "1.1 s"
+        worker.join()
+        server.close()
+        browser.wait_for("document.getElementById('live').textContent.includes('ended')")
+        assert browser.console == []
