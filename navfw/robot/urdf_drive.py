@@ -59,15 +59,21 @@ def with_urdf(robot: RobotModel, document: YamlDocument, at: KeyPath = ()) -> Ro
     urdf = robot.urdf
     if urdf is None:
         return robot
+    with _place(document, at, "urdf", "file"):
+        model = model_of(urdf)
+    _check_wheels(urdf, model, document, at)
     if robot.footprint is None:
         with _place(document, at, "urdf"):
             raise ConfigError(
                 "a body with a URDF without collision shapes and visuals needs a footprint:"
                 " {front, rear, width} [m]"
             )
-    with _place(document, at, "urdf", "file"):
-        model = model_of(urdf)
-    _check_wheels(urdf, robot.wheel_radius, model, document, at)
+    for name in (*urdf.left, *urdf.right):
+        radius = model.wheel_radii.get(model.joints[name].child)
+        if radius and abs(radius / robot.wheel_radius - 1.0) > _RADIUS_TOLERANCE:
+            what = f"wheels of {robot.wheel_radius:g} m, but that of {name!r} has a radius of"
+            with _place(document, at, "wheel_radius"):
+                raise ConfigError(f"{what} {radius:g} m: give that, or name wheels of one size")
     for index, name in enumerate(urdf.casters):
         if name not in model.joints:
             with _place(document, at, "urdf", "casters", index):
@@ -111,10 +117,8 @@ def _place(document: YamlDocument, at: KeyPath, *key: str | int) -> AbstractCont
     return document.locating((*at, *key), key=key_text(key))
 
 
-def _check_wheels(
-    urdf: DrivenUrdf, wheel_radius: float, model: UrdfModel, document: YamlDocument, at: KeyPath
-) -> None:
-    """Check that the named joints are wheels of this radius, each named once."""
+def _check_wheels(urdf: DrivenUrdf, model: UrdfModel, document: YamlDocument, at: KeyPath) -> None:
+    """Check that the named joints are wheels, each named once."""
     seen: set[str] = set()
     turning = {name: joint for name, joint in model.joints.items() if joint.movable}
     for side in ("left", "right"):
@@ -128,13 +132,6 @@ def _check_wheels(
                 if abs(axis_across(model, name)) < ACROSS:
                     what = f"the axis of {name!r} is not across the body: name a wheel's joint"
                     raise ConfigError(what)
-            radius = model.wheel_radii.get(model.joints[name].child)
-            if radius and abs(radius / wheel_radius - 1.0) > _RADIUS_TOLERANCE:
-                what = (
-                    f"wheels of {wheel_radius:g} m, but that of {name!r} has a radius of {radius:g}"
-                )
-                with _place(document, at, "wheel_radius"):
-                    raise ConfigError(f"{what} m: give that, or name wheels of one size")
 
 
 def axis_across(model: UrdfModel, joint: str) -> float:

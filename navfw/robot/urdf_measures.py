@@ -118,6 +118,9 @@ def measured(model: UrdfModel, said: dict[str, Any]) -> dict[str, Any]:
     if len(left) > 1:
         urdf["side_friction"], values["skid"] = _SKID["side_friction"], _SKID["skid"]
     track = centres[: len(left), 1].mean() - centres[len(left) :, 1].mean()
+    if track <= 0.0:
+        what = f"{left[0]!r}, a left wheel, is not left of {right[0]!r}: exchange left and right"
+        raise ConfigError(what, file=shown_path(model.file))
     values["track"] = round(float(track), _PLACES)
     camera, link, eye = camera_of(model)
     values["camera"] = camera

@@ -320,6 +320,20 @@ def test_steered_wheels_are_held_straight(folder: Path) -> None:
     assert str(told).startswith("joint 'steer': held straight")
 
 
+@pytest.mark.parametrize(
+    ("left", "right", "message"),
+    [
+        ("left_joint", "right_join", r"urdf.right\[0\]: .*did you mean 'right_joint'"),
+        ("right_joint", "left_joint", "'right_joint', a left wheel, is not left of 'left_joint'"),
+    ],
+)
+def test_wheels_that_are_misnamed(folder: Path, left: str, right: str, message: str) -> None:
+    sides = f"left: [{left}], right: [{right}]"
+    put_files(folder, {"bot.urdf": GOOD, "own.yaml": f"urdf: {{file: bot.urdf, {sides}}}\n"})
+    with pytest.raises(InputError, match=message):
+        load_robot("own.yaml")
+
+
 def test_files_that_are_no_robots(folder: Path) -> None:
     sdf = "<sdf version='1.6'><model name='bot'/></sdf>"
     put_files(folder, {"bot.sdf": sdf, "sdf.urdf": sdf})
