@@ -21,7 +21,6 @@ from navfw.config.foreign_files import element_error, parse_xml
 from navfw.config.input_file import read_input, shown_path
 from navfw.config.lookup import package_roots
 from navfw.errors import ConfigError, did_you_mean
-from navfw.robot.urdf_meshes import check_meshes
 from navfw.robot.urdf_model import (
     KINDS,
     MOMENTS,
@@ -63,8 +62,8 @@ def read_urdf(path: Path, packages: tuple[str, ...] = (), args: tuple[str, ...] 
     arguments of a xacro file, such as ``use_camera:=true``.
 
     Raises:
-        ConfigError: the file cannot be read, is no URDF, has an invalid number, links that form
-            no tree, or names a mesh that does not exist or is empty.
+        ConfigError: the file cannot be read, is no URDF, has an invalid number, or links that form
+            no tree.
         MissingExtraError: it is a xacro file, and the extra xacro is not installed.
 
     """
@@ -77,9 +76,7 @@ def read_urdf(path: Path, packages: tuple[str, ...] = (), args: tuple[str, ...] 
         raise ConfigError(what, file=shown_path(path))
     else:
         text = read_input(path)
-    model = _parsed(path, packages, text)
-    check_meshes(model)
-    return model
+    return _parsed(path, packages, text)
 
 
 @lru_cache(maxsize=16)

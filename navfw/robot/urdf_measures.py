@@ -214,7 +214,7 @@ def _radius(model: UrdfModel, wheel: UrdfJoint) -> float | None:
     if not meshes:
         return None
     axis = wheel.axis / max(math.hypot(*wheel.axis), 1e-9)
-    corners = np.concatenate([_points(mesh_corners(model, c), c.frame) for c in meshes])
+    corners = np.concatenate([_points(mesh_corners(model, c.shape), c.frame) for c in meshes])
     across = corners - product(corners, axis)[:, None] * axis
     return float(np.linalg.norm(across, axis=1).max())
 
@@ -232,7 +232,7 @@ def _extent(model: UrdfModel, link: str, at: Array | None = None) -> tuple[Array
         frame = collision.frame if at is None else product(at, collision.frame)
         turn, centre = frame[:3, :3], frame[:3, 3]
         if collision.size is None:
-            points = _points(mesh_corners(model, collision), frame)
+            points = _points(mesh_corners(model, collision.shape), frame)
             low, high = points.min(axis=0), points.max(axis=0)
             centre, reach = 0.5 * (low + high), 0.5 * (high - low)
         elif collision.shape.tag == "box":

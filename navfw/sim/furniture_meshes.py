@@ -13,7 +13,7 @@ from navfw.errors import ConfigError
 from navfw.meshes.mesh_file import MAX_TRIANGLES, TriangleMesh, joined, read_mesh, solid_mesh
 from navfw.numerics.products import product
 from navfw.robot.urdf import read_urdf
-from navfw.robot.urdf_meshes import mesh_path
+from navfw.robot.urdf_meshes import mesh_file
 from navfw.robot.urdf_model import UrdfCollision, UrdfModel, attribute_numbers
 
 Up = Literal["y", "z"]
@@ -78,8 +78,7 @@ def _shape_mesh(model: UrdfModel, collision: UrdfCollision) -> TriangleMesh:
             key = "size" if shape.tag == "box" else "length" if collision.radius > 0.0 else "radius"
             raise element_error(shape, f"{key} of <{shape.tag}>: expected positive lengths [m]")
         return solid_mesh(shape.tag, size)
-    name = shape.get("filename", "")
-    mesh = read_mesh(mesh_path(model, name) or Path(name))
+    mesh = read_mesh(mesh_file(model, shape))
     scale = attribute_numbers(shape, "scale", [1.0, 1.0, 1.0])
     if min(scale) > 0.0:
         return mesh.moved(np.diag([*scale, 1.0]))
