@@ -238,6 +238,8 @@ def _joint(element: Element, links: dict[str, Element]) -> UrdfJoint:
     axis = [1.0, 0.0, 0.0]
     for told in element.findall("axis")[:1]:
         axis = attribute_numbers(told, "xyz", axis)
+    if kind != "fixed" and not any(axis):
+        raise element_error(element, f"joint {name!r}: expected an axis other than 0 0 0")
     return UrdfJoint(
         name, kind, **ends, frame=origin_frame(element.find("origin")), axis=np.array(axis)
     )

@@ -91,7 +91,9 @@ def impossible_inertias(
 _SKID = {"side_friction": 0.2, "skid": 0.08}  # measured
 """Values for a body with two or more wheels on a side: those measured for Husky."""
 _DIFFERENT = 0.02  # chosen
-"""Share by which a value of the robot file may differ from the URDF's without a note."""
+"""Share by which a value of the robot file differs from the URDF's before it is told."""
+_LIFTS = 0.005  # chosen
+"""Depth [m] of a link below the wheels that is told: they no longer touch the floor."""
 _PLACES = 6  # chosen
 _OFF_THE_FLOOR = 0.03  # chosen
 """Height [m] above the lowest wheel up to which a wheel or caster counts as on the floor."""
@@ -249,16 +251,25 @@ def _extent(model: UrdfModel, link: str, at: Array | None = None) -> tuple[Array
 
 
 def robot_notes(robot: RobotModel) -> tuple[str, ...]:
-    """Say where values of a checked robot differ from its URDF's; () if nowhere."""
+    """Return where the values of a checked robot are other than its URDF's, and what it drags."""
     urdf = robot.urdf
     if urdf is None:
         return ()
-    own = robot.model_dump()
-    return tuple(
-        f"{shown_path(Path(urdf.file))}: {key} is {value:g}, the robot has {other:g}"
-        for key, value, other in _pairs("", _read(robot, urdf, model_of(urdf)), own)
-        if abs(value - other) > _DIFFERENT * max(abs(value), abs(other))
-        and not (key == "camera.hfov" and robot.camera.calibration)
+    own, model, file = robot.model_dump(), model_of(urdf), shown_path(Path(urdf.file))
+    floor = float(urdf_drive(robot, model).origin[2])
+    below = {link: floor - low for link in model.links if (low := _lowest(model, link)) < floor}
+    return (
+        *(
+            f"{file}: {key} is {value:g}, the robot has {other:g}"
+            for key, value, other in _pairs("", _read(robot, urdf, model), own)
+            if abs(value - other) > _DIFFERENT * max(abs(value), abs(other))
+            and not (key == "camera.hfov" and robot.camera.calibration)
+        ),
+        *(
+            f"{file}: link {link!r} reaches {depth:.3g} m below the wheels, which it may lift"
+            for link, depth in below.items()
+            if depth > _LIFTS and any(c.link == link for c in model.collisions)
+        ),
     )
 
 

@@ -13,7 +13,7 @@ from navfw.errors import InputError
 from navfw.missions import prepare
 from navfw.robot import RobotModel, load_robot
 from navfw.robot.urdf import read_urdf
-from navfw.robot.urdf_measures import robot_assumed
+from navfw.robot.urdf_measures import robot_assumed, robot_notes
 from navfw.signals import Pose
 from navfw.sim import Simulation, WorldSpec
 from navfw.sim.worldspec import BoxSpec
@@ -114,6 +114,7 @@ TREES = {
     "cone": (GOOD.replace("<sphere", "<cone"), r"'ball': its <collision> needs one .* got <cone>"),
     "no radius": (GOOD.replace('radius="0.03"', ""), "got <sphere>; known: .*<sphere radius=>"),
     "negative size": (GOOD.replace('size="0.4', 'size="-0.4'), "bot.urdf:2: link 'base': expected"),
+    "no axis": (GOOD.replace('xyz="0 0 1"', 'xyz="0 0 0"'), "'left_joint': expected an axis other"),
     "no geometry": (GOOD.replace('<sphere radius="0.03"/>', ""), "in <geometry>, got nothing"),
 }
 
@@ -305,6 +306,12 @@ def test_numbers_of_sensors_in_any_notation_and_none_else(folder: Path) -> None:
     (folder / "bot.urdf").write_text(GOOD.replace("1.5707963</h", "wide</h"))
     with pytest.raises(InputError, match=r"horizontal_fov: expected 1 number, got 'wide'"):
         load_robot("bot.urdf")
+
+
+def test_what_reaches_below_the_wheels_is_told(folder: Path) -> None:
+    (folder / "bot.urdf").write_text(GOOD.replace("-0.17 0 0.03", "-0.17 0 0.01"))
+    (note,) = robot_notes(load_robot("bot.urdf"))
+    assert note.endswith("link 'ball' reaches 0.02 m below the wheels, which it may lift")
 
 
 def test_steered_wheels_are_held_straight(folder: Path) -> None:
