@@ -199,6 +199,9 @@ class _SdfReader:
                 normal = np.array(self._numbers(shape, "normal", 3, [0.0, 0.0, 1.0]))
                 if abs(product(pose[2, :3], normal)) < _LEVEL * math.hypot(*normal):
                     self._unsupported(shape, f"an upright <plane> of the model {model!r}")
+                elif abs(height := float(pose[2, 3])) > 2.0 * _MIN_HALF:
+                    what = f"a <plane> of the model {model!r} at z = {height:g} m, the floor is at"
+                    self._unsupported(shape, f"{what} 0: move the world by it")
 
     def _solid(self, shape: Element, pose: Array, model: str) -> None:
         """Add an upright cylinder or box, or the upright parts of another shape."""

@@ -278,6 +278,32 @@ def test_round_and_leaning_shapes_become_upright_parts(tmp_path: Path, what: str
     assert max(part.top for part in content.shapes) == pytest.approx(top, abs=0.03)
 
 
+def test_planes_and_meshes_of_other_formats_are_named(tmp_path: Path) -> None:
+    plane = "<plane><normal>0 0 {}</normal></plane>"
+    (tmp_path / "shelf.glb").touch()
+    parts = (
+        model("floor", plane.format(0.5), at="0 0 0 0 0 0"),
+        model("stage", plane.format(1)),
+        model("shelf", "<mesh><uri>shelf.glb</uri></mesh>"),
+    )
+    stage, shelf = read(tmp_path, world(*parts)).unsupported
+    assert "<plane> of the model 'stage' at z = 0.5 m, the floor is at 0" in stage
+    assert "'shelf.glb' of the model 'shelf': not one of .dae, .obj, .stl" in shelf
+
+
+def test_thin_boards_are_solids_and_what_lies_on_the_floor_is_none(tmp_path: Path) -> None:
+    file = tmp_path / "hall.world"
+    trimesh.creation.box((0.5, 0.5, 0.01)).export(tmp_path / "board.stl")
+    mesh = model("mesh", "<mesh><uri>board.stl</uri></mesh>", at="3 0 0.4 0 0 0")
+    mat = model("mat", box("1 1 0.01"), at="0 0 0.005 0 0 0")
+    file.write_text(world(model("board", box("1 1 0.01"), at="0 0 0.3 0 0 0"), mat, mesh))
+    boards = import_world(file, start=(-2.0, 2.0, 0.0), goal=(2.0, 2.0)).world.boxes
+    assert [(b.name, b.base, b.size[2]) for b in boards] == [
+        ("board", 0.295, 0.02),
+        ("mesh", pytest.approx(0.395), 0.02),
+    ]
+
+
 def test_the_floor_is_the_slab_on_which_start_and_goal_are(tmp_path: Path) -> None:
     slab = model("ground", box("4 20 0.2"), at="-1 0 -0.05 0 0 0")
     slab += model("more", box("4 20 0.2"), at="3 0 -0.05 0 0 0")
