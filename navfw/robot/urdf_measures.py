@@ -91,9 +91,9 @@ def impossible_inertias(
 _SKID = {"side_friction": 0.2, "skid": 0.08}  # measured
 """Values for a body with two or more wheels on a side: those measured for Husky."""
 _DIFFERENT = 0.02  # chosen
-"""Share by which a value of the robot file differs from the URDF's before it is told."""
+"""Share by which a value of the robot file may differ from the URDF's without a note."""
 _LIFTS = 0.005  # chosen
-"""Depth [m] of a link below the wheels that is told: they no longer touch the floor."""
+"""Depth [m] that a link may reach below the wheels without a note: deeper it may lift them."""
 _PLACES = 6  # chosen
 _OFF_THE_FLOOR = 0.03  # chosen
 """Height [m] above the lowest wheel up to which a wheel or caster counts as on the floor."""
@@ -251,7 +251,7 @@ def _extent(model: UrdfModel, link: str, at: Array | None = None) -> tuple[Array
 
 
 def robot_notes(robot: RobotModel) -> tuple[str, ...]:
-    """Return where the values of a checked robot are other than its URDF's, and what it drags."""
+    """Say where values of a checked robot differ from its URDF's, and what may lift its wheels."""
     urdf = robot.urdf
     if urdf is None:
         return ()
