@@ -51,7 +51,7 @@ IMAGES = frozenset(
 _VIDEOS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".wmv"})
 """Suffixes of video files."""
 _STREAMS = frozenset({".h264", ".264", ".h265", ".265", ".hevc", ".mjpeg", ".mjpg"})
-"""Suffixes of encoded frames alone: what a decoder says of their rate is its own guess."""
+"""Suffixes of encoded frames without times: a decoder only guesses their rate."""
 MAX_GAP = 0.5
 """Time [s] without an image after which images are not compared with those before, unless it is
 less than ``_GAP_STEPS`` of the usual interval."""

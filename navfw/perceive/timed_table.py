@@ -149,7 +149,7 @@ class TimedTable:
         return interval
 
     def _is_header(self, cells: Sequence[str], below: Sequence[tuple[int, list[str]]]) -> bool:
-        """Whether a comment names the columns of the table ``below`` it, as EuRoC's do."""
+        """Return whether a comment names the columns of the table ``below`` it, as EuRoC's do."""
         written = [_name_and_unit(cell.lstrip("#"))[0] for cell in cells]
         named = {self._kind.names.get(name) for name in written}
         same = below and len(below[0][1]) == len(cells) and _is_number(below[0][1][0])
@@ -249,7 +249,7 @@ class TimedTable:
 
 
 def _name_and_unit(word: str) -> tuple[str, str]:
-    """Name and unit of a ``word`` of a header: ``Yaw rate (deg/s)``, ``time_ms``, ``yaw``."""
+    """Split a header's ``word`` into name and unit: ``Yaw rate (deg/s)``, ``time_ms``, ``yaw``."""
     text = word.strip().lower().removeprefix("%").removeprefix("field.")  # of rostopic echo -p
     if bracketed := re.fullmatch(r"(.*?)\s*[\[(]\s*(.*?)\s*[\])]", text):
         text = bracketed[1]

@@ -207,7 +207,7 @@ def _lowest(model: UrdfModel, link: str) -> float:
 
 
 def _radius(model: UrdfModel, wheel: UrdfJoint) -> float | None:
-    """Radius [m] of a wheel; of a mesh the largest distance from its axis, of others downwards."""
+    """Return a wheel's radius [m]: a mesh's largest distance from its axis, its height, or None."""
     shapes = [c for c in model.collisions if c.link == wheel.child]
     meshes = [c for c in shapes if c.size is None]
     if len(shapes) > len(meshes):

@@ -252,7 +252,7 @@ _NO_MASS = 1e-3
 _NO_INERTIA = 1e-6
 """Moments of inertia given to a link without inertia [kg m^2]."""
 _BULLET_ERROR = r"b3Error\[[^\]]*\]:\s*(.*?)\s*(?=b3(?:Error|Warning)\[|$)"
-"""What PyBullet prints of an error."""
+"""Pattern of the errors that PyBullet prints."""
 _MAX_JOINTS = 127
 """Largest number of joints, fixed ones included, of a body in PyBullet."""
 _HOLDING = 50.0

@@ -25,7 +25,7 @@ from navfw.topomap.topological_map import TopoMap
 
 _EDGES = ("MultiLineString", "LineString")
 _DEGREES = re.compile(r"\bwgs[-_ ]?84\b", re.IGNORECASE)
-"""A frame of longitude and latitude."""
+"""Matches the name of a frame of longitude and latitude."""
 _VALUE = re.compile(r"[^\s,]")
 """The first character of an item of a list."""
 

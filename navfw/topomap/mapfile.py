@@ -164,7 +164,7 @@ def _map_error(document: YamlDocument, violations: Sequence[MapViolation]) -> Ma
 
 
 _DIFFERENT = 0.01  # chosen
-"""Difference [m] of the lengths of a passage in both directions that is told."""
+"""Difference [m] of the lengths of a passage in both directions from which there is a note."""
 
 
 class MapImporter:
