@@ -72,7 +72,7 @@ class _Navfw(SuggestingGroup):
         return {name: point for name, point in installed_commands().items() if name not in own}
 
     def list_commands(self, ctx: Any) -> list[str]:
-        """The names of all commands, those of installed packages last."""
+        """Return the names of all commands, those of installed packages last."""
         return [*{**dict.fromkeys(super().list_commands(ctx)), **self._others}]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
@@ -82,7 +82,7 @@ class _Navfw(SuggestingGroup):
         return super().get_command(ctx, cmd_name)
 
     def summary(self, name: str) -> str:
-        """The first sentence on a command; packages are not imported for it."""
+        """Return the first sentence on a command; packages are not imported for it."""
         return summary_of(self._others[name]) if name in self._others else super().summary(name)
 
     def invoke(self, ctx: Any) -> Any:

@@ -172,7 +172,7 @@ def _tried(row: Checked, registry: Registry, elsewhere: Answers | None) -> str |
 
 
 def _check_data_file(file: Path, registry: Registry) -> Checked:
-    """A row for a data file; its kind is None where it cannot be known."""
+    """Return a row for a data file; its kind is None where it cannot be known."""
     kind = error = None
     try:
         file_kind = _kind_of(file)
@@ -185,7 +185,7 @@ def _check_data_file(file: Path, registry: Registry) -> Checked:
 
 
 def data_files(folder: Path) -> list[Path]:
-    """The data files in ``folder``, a project or a part of one, sorted by name.
+    """Return the data files in ``folder``, a project or a part of one, sorted by name.
 
     Rule bases beside a plugin's file are left out: they are checked with the plugin.
     """
@@ -203,7 +203,7 @@ def data_files(folder: Path) -> list[Path]:
 
 
 def _kind_of(path: Path) -> FileKind:
-    """The kind of the data file at ``path``: by its own name, its folder's, or its keys."""
+    """Return the kind of the data file at ``path``: by its own name, its folder's, or its keys."""
     from navfw.config.document import load_yaml
 
     if path.suffix in URDF_SUFFIXES:

@@ -115,7 +115,7 @@ def summary(kind: str, path: Path) -> dict[str, Any]:
 
 
 def _robot_summary(path: Path) -> dict[str, Any]:
-    """The description of a robot, its body [m], top speed [m/s] and camera."""
+    """Return the description of a robot, its body [m], top speed [m/s] and camera."""
     from navfw.robot.robotfile import load_robot
 
     robot = load_robot(path)

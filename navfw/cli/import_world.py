@@ -234,7 +234,7 @@ def _print(made: Sequence[Made], *, single: bool, json: bool) -> None:
 
 
 def _named(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """The points [m] of ``--name X,Y=NAME``, by name."""
+    """Return the points [m] of ``--name X,Y=NAME``, by name."""
     named: dict[str, tuple[float, float]] = {}
     for text in texts:
         at, _, name = text.partition("=")

@@ -20,12 +20,12 @@ from navfw.errors import PluginError
 
 
 def installed_commands() -> dict[str, EntryPoint]:
-    """The entry points of commands, by name."""
+    """Return the entry points of commands, by name."""
     return {point.name: point for point in points_of("navfw.commands")}
 
 
 def summary_of(point: EntryPoint) -> str:
-    """The first line of the command's module, or the reason why it cannot be used."""
+    """Return the first line of the command's module, or the reason why it cannot be used."""
     file = file_of(point.module)
     if file is None:
         return f"Broken: there is no module {point.module}."

@@ -96,7 +96,7 @@ def plugins(
 
 
 def _row(kind: FileKind, file: lookup.NamedFile) -> Row:
-    """The row of a file; that of an invalid one holds its error."""
+    """Return the row of a file; that of an invalid one holds its error."""
     from navfw.cli.data_files import summary
 
     row: Row = {"name": file.name, "description": ""}

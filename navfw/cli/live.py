@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def shown_live(session: Session) -> tuple[SeenRun, str]:
-    """The content of the live server for a run: what it draws, and its page."""
+    """Return the content of the live server for a run: what it draws, and its page."""
     from navfw.report import live_page
     from navfw.sim.chase_view import ChaseView
 

@@ -366,7 +366,7 @@ def learn_situations(
 
 
 def _find_map(name: str, both_ways: bool = False) -> TopoMap:
-    """The map called ``name``, or in the file ``name`` of any supported format."""
+    """Return the map called ``name``, or in the file ``name`` of any supported format."""
     from navfw.features.landmark_appearance import check_landmark_kind
     from navfw.topomap.map_formats import SUFFIXES, load_any_map
 
@@ -377,7 +377,7 @@ def _find_map(name: str, both_ways: bool = False) -> TopoMap:
 
 
 def _floor_plan(topo_map: TopoMap, world: str | None) -> SceneGeometry | None:
-    """The floor plan of ``world``, or of the world with the map's name; None without one."""
+    """Return the floor plan of ``world``, or of the world with the map's name; None without one."""
     from navfw.sim.scene_geometry import SceneGeometry
     from navfw.sim.worldfile import load_world
 

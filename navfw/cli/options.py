@@ -261,7 +261,7 @@ class SuggestingGroup(TyperGroup):
                 formatter.write_dl([(name.ljust(width), self.summary(name)) for name in names])
 
     def summary(self, name: str) -> str:
-        """The first sentence on a command."""
+        """Return the first sentence on a command."""
         text: str = self.commands[name].get_short_help_str(_WHOLE)
         return text
 
@@ -308,7 +308,7 @@ def _commands(group: Any, path: str = "") -> Iterator[tuple[str, str]]:
 
 
 def own_map(name: str) -> Path:
-    """The path of the project's own map of that name; the file need not exist."""
+    """Return the path of the project's own map of that name; the file need not exist."""
     return (project_folder() or Path()) / "maps" / f"{name}.yaml"
 
 

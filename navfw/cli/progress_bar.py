@@ -176,7 +176,7 @@ class _Count:
 
 
 def _duration(seconds: float) -> str:
-    """A time in its two largest units.
+    """Return a time in its two largest units.
 
     >>> _duration(42.3), _duration(1000.0), _duration(7300.0)
     ('42 s', '17 min', '2 h 2 min')

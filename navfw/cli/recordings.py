@@ -184,7 +184,7 @@ def write_video(folder: Path, target: Path, *, quiet: bool) -> None:
 
 
 def chase_of(folder: Path, size: tuple[int, int] = (480, 270), fine: int = 1) -> Any:
-    """A function that draws the run in a folder from behind; None without simulator or world."""
+    """Return a function that draws a folder's run from behind; None without simulator or world."""
     result = read_result(folder)
     try:
         from navfw.robot import RobotModel
@@ -280,7 +280,7 @@ def _check_options(folders: int, for_two: Mapping[str, object]) -> None:
 
 
 def _compare(paths: list[Path], variants: Variants) -> dict[str, Any]:
-    """The comparison of two suites' folders, as plain data."""
+    """Return the comparison of two suites' folders, as plain data."""
     from navfw.suite.paired_comparison import compare_tables, of_variant
     from navfw.suite.suite_folder import SuiteFolder
 
@@ -365,7 +365,7 @@ def _exit_if_worse(comparison: Mapping[str, Any], margin: float) -> None:
 
 
 def _margin(text: str) -> float:
-    """A share, in [0, 1], from ``1%`` or ``0.01``."""
+    """Return a share, in [0, 1], from ``1%`` or ``0.01``."""
     number, percent = text.removesuffix("%").strip(), text.endswith("%")
     try:
         share = float(number) / (100.0 if percent else 1.0)

@@ -282,7 +282,7 @@ def _write_maps(result: MissionResult, out_map: Path | None, kept_map: Path | No
 
 
 def _prepared(request: RunOptions, mission: str | Destination | None) -> Session:
-    """The session of the run, loaded and checked."""
+    """Return the session of the run, loaded and checked."""
     from navfw.missions.session_setup import prepare
 
     args = json.dumps(request.xacro_arg)

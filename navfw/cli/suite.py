@@ -191,7 +191,7 @@ def _print_note(text: str) -> None:
 def _checked_plan(
     file: str, seeds: range, worlds: Path | None, choice: dict[str, list[str]], *, quiet: bool
 ) -> SuitePlan:
-    """The runs of a suite, checked; ``choice`` has stacks, overrides and variants."""
+    """Return the runs of a suite, checked; ``choice`` has stacks, overrides and variants."""
     from navfw.plugins import default_registry
     from navfw.suite.suite_plan import plan_runs
     from navfw.suite.suitefile import load_suite

@@ -104,7 +104,7 @@ class _Supervisor:
         self._stopped = False
 
     def wait(self, signals: Sequence[signal.Signals], mask: set[Any]) -> int:
-        """The exit code of the child, or of the result that is written in its place."""
+        """Return the exit code of the child, or of the result that is written in its place."""
         for number in signals:
             signal.signal(number, self._forward)
         signal.signal(signal.SIGALRM, self._kill)

@@ -211,7 +211,7 @@ def _is_taken(first: Path, force: bool, name: str) -> bool:
 
 
 def _named(text: str) -> tuple[float, str]:
-    """The time [s] and the name of ``T=PLACE``."""
+    """Return the time [s] and the name of ``T=PLACE``."""
     match = _NAME.fullmatch(text)
     if match is None:
         raise InputError(f"expected T=PLACE, as in 12.5=dock, got {text!r}", key="--name")

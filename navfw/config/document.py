@@ -43,7 +43,7 @@ class YamlDocument:
         return Origin(self.file)
 
     def line_of(self, path: KeyPath) -> int | None:
-        """The 1-based line of ``path`` or its nearest enclosing key; None if no line is known.
+        """Return the 1-based line of ``path`` or its nearest enclosing key; None if unknown.
 
         >>> parse_yaml("rooms: {lobby: 1}", "w.yaml").line_of(("rooms", "lobby", "name"))
         1

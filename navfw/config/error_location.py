@@ -192,7 +192,7 @@ def _type_name(annotation: Any) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """``value`` as JSON data, or as text where JSON has no such type."""
+    """Return ``value`` as JSON data, or as text where JSON has no such type."""
     if value is PydanticUndefined:
         return None
     try:
@@ -306,7 +306,7 @@ def locate(loc: Sequence[str | int], data: Any, model: type[BaseModel]) -> Error
 
 
 def _members(expected: ExpectedType) -> list[Any]:
-    """The members of a union without None, or the type itself."""
+    """Return the members of a union without None, or the type itself."""
     members = members_of(expected.annotation)
     if len(members) == 1:
         return [expected.annotation]
@@ -315,7 +315,7 @@ def _members(expected: ExpectedType) -> list[Any]:
 
 @functools.cache
 def _fields_of(model: type[BaseModel]) -> Mapping[str, ExpectedType]:
-    """The fields of a model by key."""
+    """Return the fields of a model by key."""
     return {
         info.alias or name: ExpectedType(
             info.annotation, tuple(info.metadata), info.description or ""

@@ -38,7 +38,7 @@ def require_extra(extra: str, module: str, *, key: str | None = None) -> None:
 
 
 def pybullet_version() -> str:
-    """The installed release of PyBullet, with the name of its fork if it is the fork."""
+    """Return the installed release of PyBullet, with the name of its fork if it is the fork."""
     for name in ("pybullet", "pybullet-arm64"):
         try:
             version = metadata.version(name)

@@ -58,7 +58,7 @@ class FileKind:
         return None if "*" in name else name
 
     def schema(self) -> dict[str, Any]:
-        """The JSON Schema of such files: keys, types and bounds."""
+        """Return the JSON Schema of such files: keys, types and bounds."""
         model = _imported(self.model)
         about = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
         return {**about, **model.model_json_schema()}

@@ -153,12 +153,12 @@ def is_folder(path: str | Path) -> bool:
 
 
 def real_path(path: str | Path) -> Path:
-    """The absolute path behind all links; unlike ``Path.resolve`` it accepts loops of links."""
+    """Return the absolute path behind all links; loops of links, unlike ``Path.resolve``, pass."""
     return Path(os.path.realpath(path))
 
 
 def shown_path(path: Path) -> str:
-    """``path`` as error messages show it: relative to the working folder if it is inside."""
+    """Return ``path`` as error messages show it: relative to the working folder if it is inside."""
     try:
         return str(path.absolute().relative_to(Path.cwd()))
     except (ValueError, OSError):
@@ -195,7 +195,7 @@ def no_such_file(path: Path) -> ConfigError:
 
 
 def _mode(path: str | Path) -> int:
-    """The kind of file at ``path`` as in ``stat``; 0 where there is none."""
+    """Return the kind of file at ``path`` as in ``stat``; 0 where there is none."""
     try:
         return os.stat(path).st_mode  # noqa: PTH116 - Path.stat is the same call
     except (OSError, ValueError):
@@ -217,7 +217,7 @@ def read_json_object(path: str | Path) -> dict[str, Any]:
 
 
 def parse_json(text: str, file: str) -> Any:
-    """The JSON value in ``text``; NaN and Infinity, which are not JSON, are refused.
+    """Return the JSON value in ``text``; NaN and Infinity, which are not JSON, are refused.
 
     Raises:
         ConfigError: ``text``, the content of ``file``, is not JSON, with the line, or nested too

@@ -30,12 +30,12 @@ def points_of(group: str) -> EntryPoints:
 
 
 def package_of(point: EntryPoint) -> str:
-    """Name and version of the package that has the entry point; "" if unknown."""
+    """Return name and version of the package that has the entry point; "" if unknown."""
     return "" if point.dist is None else f"{point.dist.name} {point.dist.version}"
 
 
 def source_of(point: EntryPoint) -> str:
-    """The origin of a plugin as listings show it."""
+    """Return the origin of a plugin as listings show it."""
     package = package_of(point)
     return f"entry point {point.group}" + (package and f" of {package}")
 
@@ -46,7 +46,7 @@ def is_installed(package: str) -> bool:
 
 
 def file_of(module: str) -> Path | None:
-    """The source file of a module, found without importing it; None if there is no such module."""
+    """Return the source file of a module, found without importing it; None if there is none."""
     try:
         spec = find_spec(module)
     except Exception:

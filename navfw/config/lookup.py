@@ -40,7 +40,7 @@ class NamedFile:
 
 
 def project_folder(start: Path | None = None) -> Path | None:
-    """The user's project around ``start`` (default: the working folder); None if there is none."""
+    """Return the project around ``start`` (default: the working folder); None if there is none."""
     try:
         start = Path.cwd() if start is None else start.absolute()
     except FileNotFoundError:  # the working folder has been removed
@@ -59,7 +59,7 @@ def _is_project(folder: Path) -> bool:
 
 
 def shipped_folder() -> Path:
-    """The folder with navfw's own worlds, maps and behaviours.
+    """Return the folder with navfw's own worlds, maps and behaviours.
 
     It is ``navfw/shipped`` in an installed package, the repository's root in a checkout.
     """
@@ -68,7 +68,7 @@ def shipped_folder() -> Path:
 
 
 def own_project(start: Path | None = None) -> Path | None:
-    """The project around ``start``; None in a checkout of navfw, whose files are shipped ones."""
+    """Return the project around ``start``; None in a checkout of navfw, whose files are shipped."""
     project = project_folder(start)
     shipped = shipped_folder()
     return None if project is None or input_file.real_path(project) == shipped else project
@@ -94,7 +94,7 @@ def plugin_folders() -> list[Path]:
 
 
 def project_plugin_folders(start: Path | None = None) -> list[Path]:
-    """The folders ``behaviors`` and ``plugins`` of the project around ``start``, if they exist.
+    """Return the folders ``behaviors`` and ``plugins`` of the project around ``start``.
 
     Empty in a checkout of navfw, as what it ships is no project.
     """
@@ -104,7 +104,7 @@ def project_plugin_folders(start: Path | None = None) -> list[Path]:
 
 
 def plugin_files(folder: Path) -> list[Path]:
-    """The files in a plugin folder that are imported: all ``*.py`` except ``_*.py``.
+    """Return the files in a plugin folder that are imported: all ``*.py`` except ``_*.py``.
 
     Raises:
         OSError: ``folder`` cannot be read.
@@ -115,12 +115,12 @@ def plugin_files(folder: Path) -> list[Path]:
 
 
 def list_files(kind: str) -> list[NamedFile]:
-    """All files of a kind of ``FILE_KINDS`` by name; missions are called ``world/mission``."""
+    """Return all files of a kind of ``FILE_KINDS`` by name; missions are ``world/mission``."""
     return _first_of_each_name(_files(kind))
 
 
 def _files(kind: str) -> Iterator[NamedFile]:
-    """All files of a kind; of those with one name the first takes precedence."""
+    """Yield all files of a kind; of those with one name the first takes precedence."""
     if kind == "mission":
         for world in list_files("world"):
             for mission in list_missions(world.name):
@@ -132,7 +132,7 @@ def _files(kind: str) -> Iterator[NamedFile]:
 
 
 def list_missions(world: str | Path) -> list[NamedFile]:
-    """All missions of a world (name or path); a project may add missions to a shipped world.
+    """Return all missions of a world (name or path); a project may add missions to a shipped world.
 
     Raises:
         UnknownNameError: there is no such world.
@@ -210,7 +210,7 @@ def _pick(kind: str, name: str, files: Iterable[NamedFile]) -> Path:
 
 
 def _matching(root: Path, pattern: str, source: _Source) -> Iterator[NamedFile]:
-    """The files below ``root``; a file with a fixed name is called as its folder."""
+    """Yield the files below ``root``; a file with a fixed name is called as its folder."""
     for file in sorted((*root.glob(pattern), *root.glob(pattern.replace("*.yaml", "*.yml")))):
         name = file.stem if "*" in pattern.rsplit("/", maxsplit=1)[-1] else file.parent.name
         if input_file.is_file(file) and not name.startswith((".", "_")):

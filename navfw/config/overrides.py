@@ -241,5 +241,5 @@ def _merge(
 
 
 def _named(origin: Origin, document: YamlDocument) -> Origin:
-    """``origin`` with the file of ``document`` where it names none."""
+    """Return ``origin`` with the file of ``document`` where it names none."""
     return Origin(origin.file or document.file, origin.line, origin.option)

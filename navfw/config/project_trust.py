@@ -41,7 +41,7 @@ class ProjectCode:
 
     @classmethod
     def around(cls, start: Path | None = None) -> Self | None:
-        """The plugins of the project around ``start`` (default: the working folder), or None."""
+        """Return the plugins of the project around ``start`` (default: working folder), or None."""
         project = lookup.project_folder(start)
         if project is None:
             return None
@@ -113,12 +113,12 @@ def require_trust() -> None:
 
 
 def trust_file() -> Path:
-    """The path of the file of trusted folders, one per line, in the user's configuration folder."""
+    """Return the path of the user's file of trusted folders, which has one per line."""
     return user_config_path("navfw") / "trusted-folders.txt"
 
 
 def trusted_folders() -> list[str]:
-    """The folders of the projects that this user trusts, with links resolved, sorted."""
+    """Return the folders of the projects that this user trusts, with links resolved, sorted."""
     file = trust_file()
     return sorted(read_input_text(file).splitlines()) if file.is_file() else []
 

@@ -103,7 +103,7 @@ class _TextReader:
         self.lines: list[tuple[KeyPath, int]] = []
 
     def document(self, events: Iterator[Any]) -> Data:
-        """The data of the only document."""
+        """Return the data of the only document."""
         self._events = events
         next(events)  # the beginning of the stream
         if isinstance(next(events), yaml.StreamEndEvent):
@@ -155,7 +155,7 @@ class _TextReader:
         return data
 
     def _repeated(self, event: Any, path: KeyPath) -> Data:
-        """The data of an alias; its inner parts have the lines where they are written."""
+        """Return the data of an alias; its inner parts have the lines where they are written."""
         if event.anchor not in self._anchors:
             raise self._error(f"not valid YAML: found undefined alias {event.anchor!r}", event, ())
         anchor = self._anchors[event.anchor]
@@ -274,7 +274,7 @@ _READERS: dict[str, Callable[[str], Data]] = {
 
 
 def _syntax_error(text: str, file: str | None, error: Exception) -> ConfigError:
-    """The error for a text that libyaml refuses for ``error``."""
+    """Return the error for a text that libyaml refuses for ``error``."""
     try:
         for _ in yaml.parse(text, Loader=yaml.SafeLoader):
             pass
@@ -295,7 +295,7 @@ def _syntax_error(text: str, file: str | None, error: Exception) -> ConfigError:
 
 
 def _syntax_message(error: yaml.MarkedYAMLError, since: int | None) -> str:
-    """The message of ``error``; what it is about began in the line ``since``."""
+    """Return the message of ``error``; what it is about began in the line ``since``."""
     problem = str(error.problem or error.context)
     if "'\\t'" in problem or " tab " in problem:
         return "a tab; indent and separate with spaces in YAML"

@@ -75,12 +75,12 @@ def rewording(what: str = "", prefix: str = "", file: str | Path | None = None) 
 
 
 def _order(problem: FileProblem) -> tuple[bool, int]:
-    """The order in which problems are listed: by lines of the file, then options."""
+    """Return the order in which problems are listed: by lines of the file, then options."""
     return problem.origin.option is not None, problem.origin.line or 0
 
 
 def _with_option(document: YamlDocument, problem: FileProblem, detail: ErrorDetails) -> FileProblem:
-    """``problem`` with the option of the command line that is its cause."""
+    """Return ``problem`` with the option of the command line that is its cause."""
     option, message, key = problem.origin.option, problem.message, key_text(problem.path)
     if option is None:
         message += _responsible_options(document, problem.path, detail)
@@ -147,7 +147,7 @@ def _short(text: str) -> str:
 
 
 def _responsible_options(document: YamlDocument, path: KeyPath, detail: ErrorDetails) -> str:
-    """The command line options inside a part that is invalid as a whole, as a suffix."""
+    """Return the command line options inside a part that is invalid as a whole, as a suffix."""
     if detail["type"] not in {"value_error", "assertion_error"}:
         return ""
     options = {

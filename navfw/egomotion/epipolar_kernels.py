@@ -224,7 +224,7 @@ def _residual(
     axes: Array,
     row: Array,
 ) -> float:
-    """``epipolar_residual`` with _HOLE filled: there it is the length of ``vector``."""
+    """Return ``epipolar_residual`` with _HOLE filled: there it is the length of ``vector``."""
     residual: float = epipolar_residual(point, vector, focal, direction, _HOLE, axes, row)
     if math.isnan(residual):
         return math.sqrt(vector[0] * vector[0] + vector[1] * vector[1])

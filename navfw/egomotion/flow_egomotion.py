@@ -190,7 +190,7 @@ def estimate_egomotion(
 
 
 def _translation(motion: PointMotion, focal: float, prior: EgomotionPrior) -> Egomotion:
-    """The motion with a translation."""
+    """Return the motion with a translation."""
     information = prior.information
     pull = np.zeros((3, 3))
     if math.isfinite(prior.direction_sigma):
@@ -312,7 +312,7 @@ def _starts(
 
 @cache
 def _hemisphere() -> Array:
-    """``_DIRECTIONS`` unit vectors (n, 3) spread evenly over the half space z >= 0."""
+    """Return ``_DIRECTIONS`` unit vectors (n, 3) spread evenly over the half space z >= 0."""
     k = np.arange(_DIRECTIONS) + 0.5
     z = 1.0 - k / _DIRECTIONS
     angle = k * math.pi * (3.0 - math.sqrt(5.0))

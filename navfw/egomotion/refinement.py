@@ -209,5 +209,5 @@ def refine(flow: FlowField, camera: CameraModel, params: RefinementParams = _USU
 
 
 def _flat(values: Array) -> Array:
-    """``values`` as a contiguous float64 array (n,), as the kernels need them."""
+    """Return ``values`` as a contiguous float64 array (n,), as the kernels need them."""
     return np.ascontiguousarray(values, dtype=np.float64).ravel()

@@ -99,7 +99,7 @@ def plate_side(kind: str, size: float) -> float:
 
 @lru_cache(maxsize=64)
 def _plugin_kind(name: str, folder: Path) -> type[LandmarkKind]:
-    """A kind of landmark from the plugins found from ``folder``, the working folder."""
+    """Return a kind of landmark from the plugins found from ``folder``, the working folder."""
     from navfw.plugins import default_registry
 
     return cast(type[LandmarkKind], default_registry().get("landmark", name))

@@ -297,7 +297,7 @@ def _highest(s: Floats, tops: Floats) -> tuple[int, int, np.float32, np.float32]
 
 @numba.njit(cache=True, fastmath={"nnan", "nsz"})
 def _maximum(values: Floats) -> np.float32:
-    """The largest of ``values``, at least _OUTSIDE; a loop that the compiler vectorises."""
+    """Return the largest of ``values``, at least _OUTSIDE; a loop that the compiler vectorises."""
     top = _OUTSIDE
     for value in values:
         top = value if value > top else top

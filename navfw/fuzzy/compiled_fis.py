@@ -103,7 +103,7 @@ def _tables_of(rule_base: RuleBase) -> tuple[Array, Indices]:
 
 
 def _group(variables: Sequence[Variable], items: Any) -> list[list[Any]]:
-    """The distinct values of ``items`` (variable name, value), grouped by variable."""
+    """Return the distinct values of ``items`` (variable name, value), grouped by variable."""
     groups: dict[str, dict[Any, None]] = {variable.name: {} for variable in variables}
     for name, item in items:
         groups[name][item] = None

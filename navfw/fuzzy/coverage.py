@@ -156,7 +156,7 @@ class _Axis:
         ]
 
     def interval(self, first: int, last: int) -> InputInterval:
-        """The interval that the cells ``first`` to ``last`` (inclusive) make up."""
+        """Return the interval that the cells ``first`` to ``last`` (inclusive) make up."""
         xs = self.variable.universe
         terms = [
             term
@@ -237,7 +237,7 @@ def _class_of(clause: Clause, table: Mapping[Is, Classes]) -> Classes:
 def _widened(
     clauses: Sequence[Clause], axes: Sequence[_Axis], seed: Sequence[int]
 ) -> list[list[int]]:
-    """The uncovered cell ``seed`` widened to a box, one input after the other."""
+    """Return the uncovered cell ``seed`` widened to a box, one input after the other."""
     box = [[cell] for cell in seed]
     # Inputs that make no difference there come first, so that they do not bound the box.
     share = [

@@ -32,7 +32,7 @@ _REMEMBERED = 16  # chosen
 
 @numba.njit(cache=True)
 def _interval_of(xs: Array, x: float) -> int:
-    """The index i with xs[i] <= x < xs[i + 1] (xs increasing, x within them)."""
+    """Return the index i with xs[i] <= x < xs[i + 1] (xs increasing, x within them)."""
     low, high = 0, xs.size - 1
     while high - low > 1:
         middle = (low + high) >> 1
@@ -45,7 +45,7 @@ def _interval_of(xs: Array, x: float) -> int:
 
 @numba.njit(cache=True)
 def _interpolate(xs: Array, ys: Array, i: int, x: float) -> float:
-    """``np.interp`` of x with xs[i] <= x < xs[i + 1], to the last bit."""
+    """Return ``np.interp`` of x with xs[i] <= x < xs[i + 1], to the last bit."""
     if xs[i] == x or i == xs.size - 1:
         return float(ys[i])
     return float((ys[i + 1] - ys[i]) / (xs[i + 1] - xs[i]) * (x - xs[i]) + ys[i])
@@ -62,7 +62,7 @@ def _join(
     py: Array,
     extra: Array,
 ) -> int:
-    """The union of the conclusions of one output as a polyline (px, py); returns its size.
+    """Return the union of the conclusions of one output as a polyline (px, py); returns its size.
 
     ``terms`` (T, M) over ``xs`` (M,), zero outside their ``support`` (T, 2), are clipped (``scale``
     False) or scaled by their activations ``cuts`` (T,). ``extra`` is workspace for the crossings.
@@ -210,7 +210,7 @@ def _read(
 
 @numba.njit(cache=True)
 def _find_equal(rows: Array, n: int, different: Indices, count: int) -> int:
-    """A sample in ``different`` with the same row of ``rows`` as sample n, or -1."""
+    """Return a sample in ``different`` with the same row of ``rows`` as sample n, or -1."""
     for k in range(min(count, different.size)):
         m = different[k]
         same = True

@@ -232,7 +232,7 @@ def sample_universe(low: float, high: float, points: int, shapes: Iterable[Shape
 
 
 def _merge(kept: Array, extra: Array, gap: float) -> Array:
-    """``kept``, and the values of ``extra`` farther than ``gap`` from all of ``kept``."""
+    """Return ``kept``, and the values of ``extra`` farther than ``gap`` from all of ``kept``."""
     after = np.searchsorted(kept, extra)
     left = np.abs(extra - kept[np.maximum(after - 1, 0)])
     right = np.abs(kept[np.minimum(after, kept.size - 1)] - extra)

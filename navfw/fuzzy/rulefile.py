@@ -47,12 +47,12 @@ def load_rule_base(path: str | Path, terms: TermCorners | None = None) -> RuleBa
 
 @lru_cache(maxsize=_MAX_KEPT)
 def _of_file(text: str, name: str) -> RuleBase:
-    """The rule base in a file of this content: every stack reads the same ones."""
+    """Return the rule base in a file of this content: every stack reads the same ones."""
     return _checked(parse_mapping(text, name))
 
 
 def _with_corners(document: YamlDocument, terms: TermCorners) -> YamlDocument:
-    """``document`` with other corners of terms of its inputs; each keeps its shape."""
+    """Return ``document`` with other corners of terms of its inputs; each keeps its shape."""
     changes = []
     for name, corners in terms.items():
         inputs = document.at(("inputs",))
@@ -65,7 +65,7 @@ def _with_corners(document: YamlDocument, terms: TermCorners) -> YamlDocument:
 
 
 def _member(document: YamlDocument, mapping: Any, name: str, what: str) -> dict[str, Any]:
-    """The mapping called ``name`` in ``mapping``."""
+    """Return the mapping called ``name`` in ``mapping``."""
     member = mapping.get(name) if isinstance(mapping, dict) else None
     if not isinstance(member, dict):
         names = mapping if isinstance(mapping, dict) else ()
@@ -268,7 +268,7 @@ def _of_other_tools(kind: str, parameters: Sequence[float]) -> str:
 
 
 def _as_rule_base_error(error: ConfigError) -> RuleBaseError:
-    """``error`` as a RuleBaseError; its message begins with file, line and key already."""
+    """Return ``error`` as a RuleBaseError; its message begins with file, line and key already."""
     converted = RuleBaseError(str(error))
     converted.file, converted.line, converted.key = error.file, error.line, error.key
     return converted

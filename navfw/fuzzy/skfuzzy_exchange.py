@@ -38,7 +38,7 @@ def without_warnings() -> Iterator[None]:
 
 
 def to_control_system(path: str | Path) -> Any:
-    """The rules file as a ``skfuzzy.control.ControlSystem``; a hedged term is one of its own.
+    """Read the rules file as a ``skfuzzy.control.ControlSystem``; hedged terms are terms of it.
 
     Raises:
         RuleBaseError: the file is not valid, or its implication is ``prod``.
@@ -53,7 +53,7 @@ def to_control_system(path: str | Path) -> Any:
 
 
 def control_system_of(rule_base: RuleBase) -> Any:
-    """The ``ControlSystem`` of a rule base, whose conclusions are clipped in any case.
+    """Return the ``ControlSystem`` of a rule base, whose conclusions are clipped in any case.
 
     Rule i has the label ``rule i``.
     """
@@ -151,7 +151,7 @@ def _equal(function: Callable[..., Any], reference: Callable[..., Any]) -> bool:
 
 
 def _kinds(term: Any) -> Iterator[str]:
-    """The operators in an antecedent: "and", "or", "not"."""
+    """Yield the operators in an antecedent: "and", "or", "not"."""
     if kind := getattr(term, "kind", None):
         yield from (kind, *_kinds(term.term1), *_kinds(term.term2))
 
@@ -196,7 +196,7 @@ def _name(label: object) -> str:
 
 
 def _declaration(variable: Any, section: str) -> dict[str, Any]:
-    """A variable as in a rules file, an output with the same samples; else ValueError."""
+    """Return a variable as in a rules file, an output with the same samples; else ValueError."""
     universe = np.asarray(variable.universe, dtype=np.float64).ravel()
     if universe.size < 2 or not (np.diff(universe) > 0).all():
         raise ValueError("expected a universe of at least two increasing numbers")
@@ -215,7 +215,7 @@ def _declaration(variable: Any, section: str) -> dict[str, Any]:
 
 
 def _shape(universe: Array, degrees: Array, *, whole: bool) -> dict[str, list[float]]:
-    """The shape whose degrees are linear between the samples."""
+    """Return the shape whose degrees are linear between the samples."""
     ones, zeros = universe[degrees == 1.0], universe[degrees == 0.0]
     if ones.size and not whole:
         low = max(zeros[zeros < ones[0]], default=ones[0])

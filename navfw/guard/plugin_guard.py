@@ -32,7 +32,7 @@ _LIBRARIES = tuple(
 
 
 def fault_origin(error: BaseException) -> str:
-    """The innermost call in the plugin's own code, as in ``hover.py:12, in propose: 1 / 0``.
+    """Return the innermost call in the plugin's own code, as in ``hover.py:12, in propose: 1 / 0``.
 
     If all calls are in navfw and libraries, it is the innermost call outside of ``navfw.guard``; ""
     if there is none, as when a check refuses an answer.
@@ -81,7 +81,7 @@ PluginT = TypeVar("PluginT", bound=Plugin)
 
 
 def label_of(plugin: Plugin) -> str:
-    """Kind and name of ``plugin``, its label in faults."""
+    """Return kind and name of ``plugin``, its label in faults."""
     return f"{plugin.kind} {plugin.name}"
 
 

@@ -161,7 +161,7 @@ def check_queries(answer: Any) -> tuple[PassageQuery, ...]:
 
 
 def _each(answer: Any, cls: type[T], call: str, check: Callable[[T], T]) -> tuple[T, ...]:
-    """The items of an answer, each a ``cls`` that is checked."""
+    """Return the items of an answer, each a ``cls`` that is checked."""
     items = answers.items(answer, f"{call}'s answer")
     return tuple(check(answers.instance(item, cls, call)) for item in items)
 
@@ -206,7 +206,7 @@ def _count(value: Any, what: str) -> int:
 
 
 def _explanation(value: Any, what: str) -> Mapping[str, Any]:
-    """A mapping as it is: it may be computed on request."""
+    """Return a mapping as it is: it may be computed on request."""
     if not isinstance(value, Mapping):
         raise answers.AnswerError(f"{what} is no mapping")
     return value
@@ -215,7 +215,7 @@ def _explanation(value: Any, what: str) -> Mapping[str, Any]:
 def _finite_where(
     value: Any, what: str, shape: tuple[int, int], confidence: Array, low: float = -math.inf
 ) -> Array:
-    """An array that is at least ``low``, and finite wherever the confidence is not 0."""
+    """Return an array that is at least ``low``, and finite wherever the confidence is not 0."""
     result = answers.real(value, what, shape)
     if not are_finite_where(result, confidence, low):
         below = "" if math.isinf(low) else f"below {low:g} or "
@@ -285,7 +285,7 @@ _CHECKS: Mapping[str, Callable[[Any, str], Any]] = {
 
 
 def _checked(answer: Any, cls: type[T], **checked: Any) -> T:
-    """``answer`` as a ``cls``; fields that are not ``checked`` before are by ``_CHECKS``."""
+    """Return ``answer`` as a ``cls``; fields that are not ``checked`` before are by ``_CHECKS``."""
     names = (name for name in _names_of(cls) if name not in checked)  # type: ignore[arg-type]
     values = {name: _CHECKS[name](getattr(answer, name), name) for name in names}
     return answers.rebuilt(answer, cls, **values, **checked)

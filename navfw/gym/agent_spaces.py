@@ -59,7 +59,7 @@ class AgentCommand(Fusion):
 
     @staticmethod
     def action_space(stack: Stack) -> spaces.Box:
-        """The space of actions for stacks like ``stack``."""
+        """Return the space of actions for stacks like ``stack``."""
         return spaces.Box(-1.0, 1.0, (2,), np.float32)
 
     def act(self, stack: Stack, action: AgentChoice) -> None:
@@ -90,7 +90,7 @@ class AgentWeights(Composite):
 
     @staticmethod
     def action_space(stack: Stack) -> spaces.Box:
-        """The space of actions for stacks like ``stack``."""
+        """Return the space of actions for stacks like ``stack``."""
         return spaces.Box(0.0, 1.0, (len(stack.mofis.behaviors),), np.float32)
 
     def act(self, stack: Stack, action: AgentChoice) -> None:
@@ -127,7 +127,7 @@ def _box(low: float, high: float, *shape: int) -> spaces.Box:
 
 
 def _clipped(values: Any, box: spaces.Box) -> Array:
-    """``values`` as an element of ``box``; what is not a number becomes 0."""
+    """Return ``values`` as an element of ``box``; what is not a number becomes 0."""
     clipped: Array = np.array(values, box.dtype)
     if box.dtype == np.float32:
         clipped[np.isnan(clipped)] = 0.0

@@ -41,7 +41,7 @@ def _first_case(
     world: str | None,
     mission: str | None,
 ) -> Case:
-    """The run of seed 0 of a family, or of a world's mission."""
+    """Return the run of seed 0 of a family, or of a world's mission."""
     case = Case(0, family or world or "")
     if family is not None and world is None and mission is None:
         checked = EntrySpec(family=family, difficulty=difficulty)
@@ -261,7 +261,7 @@ class MissionEnv(gymnasium.Env[Seen, Any]):
         return tuple(self._stack.mofis.behaviors)
 
     def _session(self, seed: int) -> Session:
-        """The run of ``seed``, which determines the world of a family, and all noise."""
+        """Return the run of ``seed``, which determines the world of a family, and all noise."""
         parse_seeds(f"{seed}:{seed + 1}")
         if seed not in self._kept:
             made = replace(self._case, seed=seed).session(self._registry)

@@ -238,7 +238,7 @@ class _Reader:
         return (), np.array([0.0 if path is None else self._number(path) for path in paths])
 
     def _pixels(self, path: KeyPath, least: int = 0) -> int:
-        """The whole number at ``path``; 0 where there is none, if that is not too little."""
+        """Return the whole number at ``path``; 0 where there is none, if that is not too little."""
         value = self._document.at(path)
         if not path or (value is None and least == 0):
             return 0
@@ -269,7 +269,7 @@ class _Reader:
         raise self._error(f"{value!r:.40} is not a number", path)
 
     def _key(self, names: Iterable[str]) -> KeyPath | None:
-        """The path of the first of ``names`` that there is."""
+        """Return the path of the first of ``names`` that there is."""
         return next((self._paths[name] for name in names if name in self._paths), None)
 
     def _needed(self, names: tuple[str, ...]) -> KeyPath:

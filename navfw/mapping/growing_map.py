@@ -254,7 +254,7 @@ class GrowingMap:
         return GrownGrid(canvas.cells, canvas.origin, canvas.cell)
 
     def last_seen(self, x: float, y: float) -> float | None:
-        """Time [s] at which ground around x, y [m, map] was last seen; None if it never was."""
+        """Return when [s] ground around x, y [m, map] was last seen; None if it never was."""
         cell = 1.0 if self._grid is None else self._grid.cell
         row, column = round(y / cell), round(x / cell)
         times = self._seen.get((row // _BLOCK, column // _BLOCK))

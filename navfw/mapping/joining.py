@@ -61,7 +61,7 @@ class JoinedMap:
         return cls(growing, path, {number: (0, len(growing.keys))})
 
     def keys(self, number: int) -> Sequence[KeyPose]:
-        """The key poses of the map with that ``number``, as they have been corrected."""
+        """Return the key poses of the map with that ``number``, as they have been corrected."""
         return self.growing.keys[slice(*self.spans[number])]
 
 

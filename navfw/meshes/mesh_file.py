@@ -97,7 +97,7 @@ class TriangleMesh:
         return [TriangleMesh(self.vertices[u], faces.reshape(-1, 3)) for u, faces in used]
 
     def section(self, height: float) -> Array:
-        """Line segments (k, 2, 2) [m] where the mesh crosses the plane at ``height`` [m].
+        """Return line segments (k, 2, 2) [m] where the mesh crosses the plane at ``height`` [m].
 
         Seen from above, the inside of the mesh is on the left of each segment.
         """
@@ -150,7 +150,7 @@ def windings(lines: Array, shape: tuple[int, ...]) -> Indices:
 
 
 def solid_mesh(kind: str, size: Sequence[float] | Array) -> TriangleMesh:
-    """A closed mesh, around the origin, of a shape of URDF or SDF with the extent ``size`` (3,).
+    """Make a closed mesh, around the origin, of a shape of URDF or SDF, extent ``size`` (3,) [m].
 
     A cylinder, cone or capsule is upright; ellipsoids are called so or ``sphere``.
     """

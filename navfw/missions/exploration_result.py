@@ -177,7 +177,7 @@ class _Explanation:
 def _regions(
     grid: ConfigurationSpaceGrid, mask: Mask, why: str | _Explanation
 ) -> list[UnexploredRegion]:
-    """The connected regions of ``mask`` of at least _LEFT_AREA."""
+    """Return the connected regions of ``mask`` of at least _LEFT_AREA."""
     _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.view(np.uint8), connectivity=8)
     regions = []
     for number in range(1, len(stats)):

@@ -249,7 +249,7 @@ def _collision(result: MissionResult, now: Pose) -> dict[str, Any]:
 
 
 def _touched_point(result: MissionResult, contact: Contact) -> Array:
-    """The point [m, map frame] of the touched object that is nearest to the robot's centre.
+    """Return the point [m, map frame] of the touched object that is nearest to the robot's centre.
 
     The robot's centre itself if the object's outline is not known.
     """

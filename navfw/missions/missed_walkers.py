@@ -51,7 +51,7 @@ def how_missed(result: Any, name: str) -> str:
 
 
 def _rim(robot: Pose, at: Array, radius: float) -> float:
-    """The bearing [rad] of the edge of a disc that is nearest to straight ahead."""
+    """Return the bearing [rad] of the edge of a disc that is nearest to straight ahead."""
     ahead, aside = robot.to_local(*at.tolist())
     away = max(math.hypot(ahead, aside), radius)
     return abs(math.atan2(aside, ahead)) - math.asin(radius / away)

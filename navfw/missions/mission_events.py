@@ -157,7 +157,7 @@ class _Checker:
         self.taken = {"floor", *self.objects, *self.doors, *meshes, *movers, *drops}
 
     def composed(self, index: int, spec: EventSpec, plugins: PluginSource) -> Sequence[EventSpec]:
-        """The event itself, or the events that its plugin composes it of."""
+        """Return the event itself, or the events that its plugin composes it of."""
         if spec.plugin is None:
             return (spec,)
         ((name, _),) = spec.plugin.items()
@@ -180,7 +180,7 @@ class _Checker:
                 raise PluginError(f"the event plugin gave an invalid action: {what}") from None
 
     def check(self, index: int, spec: EventSpec) -> EventSpec:
-        """The event with this index in the file, checked."""
+        """Return the event with this index in the file, checked."""
         path: KeyPath = ("events", index)
         timeout = self.mission.spec.timeout
         if spec.at is not None and spec.at >= timeout:

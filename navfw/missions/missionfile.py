@@ -231,7 +231,7 @@ def _from_start(
     name: str,
     overrides: Sequence[Override],
 ) -> MissionFile:
-    """The mission ``name`` with the keys of ``task``, which ``option`` asks for.
+    """Return the mission ``name`` with the keys of ``task``, which ``option`` asks for.
 
     To the description the name of the mission with the start is added.
     """
@@ -268,7 +268,7 @@ def with_task(document: YamlDocument, task: Mapping[str, Any], option: str) -> Y
 
 
 def _starts(document: YamlDocument, spec: MissionSpec, topo_map: TopoMap) -> tuple[Place, ...]:
-    """The places from which an unknown start is drawn; none for a known start."""
+    """Return the places from which an unknown start is drawn; none for a known start."""
     if isinstance(spec.start, UnknownStart):
         return tuple(
             _place(document, ("start", "unknown", index), topo_map, name)
@@ -287,7 +287,7 @@ def _starts(document: YamlDocument, spec: MissionSpec, topo_map: TopoMap) -> tup
 
 
 def start_candidates(topo_map: TopoMap, goals: Sequence[str]) -> list[Place]:
-    """The places where a random start may be: all but doors, dangers and ``goals``."""
+    """Return the places where a random start may be: all but doors, dangers and ``goals``."""
     return [
         place
         for place in topo_map.places.values()
@@ -338,7 +338,7 @@ def _place(document: YamlDocument, path: KeyPath, topo_map: TopoMap, name: str) 
 
 
 def _map_of_goals(document: YamlDocument, spec: MissionSpec) -> TopoMap:
-    """A map for a mission without one: start and goals, joined by straight passages."""
+    """Return a map for a mission without one: start and goals, joined by straight passages."""
     points: list[_Point] = []
     keys: list[KeyPath] = [("start",), *(("goals", index) for index in range(len(spec.goals)))]
     for key, at in zip(keys, (spec.start, *spec.goals), strict=True):

@@ -338,7 +338,7 @@ _AFTER_LIMIT = 60.0
 
 
 def _completed(spec: MissionSpec) -> MissionSpec:
-    """The mission with the defaults of an exploration, if it is one."""
+    """Return the mission with the defaults of an exploration, if it is one."""
     if spec.explore is None:
         return spec
     changes: dict[str, Any] = {"timeout": spec.explore.limit + _AFTER_LIMIT}

@@ -144,7 +144,7 @@ class GoalChecker:
         return self.goals[min(self.next, len(self.goals) - 1)]
 
     def distance(self, pose: Pose) -> float:
-        """Distance [m] from ``pose`` (``map``) to the current ``goal``."""
+        """Return the distance [m] from ``pose`` (``map``) to the current ``goal``."""
         goal = self.goal
         return math.hypot(goal.x - pose.x, goal.y - pose.y)
 

@@ -27,7 +27,7 @@ _STEP = 0.05
 
 
 def outline_of(plan: SceneGeometry) -> WorldOutline:
-    """The outline of the world in a top view: walls, doors, furniture and drops (``map``)."""
+    """Return the world's outline in top view: walls, doors, furniture and drops (``map``)."""
     discs = [solid.shape for solid in plan.solids if isinstance(solid.shape, Circle)]
     others = [solid for solid in plan.solids if not isinstance(solid.shape, Circle)]
     return WorldOutline(
@@ -38,7 +38,7 @@ def outline_of(plan: SceneGeometry) -> WorldOutline:
 
 
 def discs_of(walkers: Iterable[Walker]) -> list[tuple[float, float, float]]:
-    """The walkers' present positions as discs x, y, radius [m] in ``map``."""
+    """Return the walkers' present positions as discs x, y, radius [m] in ``map``."""
     return [(walker.x, walker.y, walker.spec.radius) for walker in walkers]
 
 

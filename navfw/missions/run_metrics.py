@@ -150,7 +150,7 @@ class RunResult(RunMetrics):
 
     @classmethod
     def schema(cls) -> dict[str, Any]:
-        """The JSON Schema of ``result.json`` and of ``navfw run --json``.
+        """Return the JSON Schema of ``result.json`` and of ``navfw run --json``.
 
         A run that goes on, or whose process was killed, lacks ``command_hash`` and the metrics.
         """
@@ -178,13 +178,13 @@ UNFINISHED = "unfinished"
 
 
 def path_length(points: Array) -> float:
-    """Length [m] of the polyline through ``points`` (n, 2 or more; x and y first)."""
+    """Return the length [m] of the polyline through ``points`` (n, 2 or more; x and y first)."""
     steps = np.diff(points[:, :2], axis=0)
     return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
 
 
 def first_contacts(contacts: Sequence[Contact]) -> list[Contact]:
-    """The first contact of each collision: contacts less than 1 s after another belong to it.
+    """Return each collision's first contact; contacts less than 1 s after another belong to it.
 
     >>> touches = [Contact(t, 0.0, 0.0, "wall") for t in (1.0, 1.5, 2.4, 9.0)]
     >>> [contact.time for contact in first_contacts(touches)]
@@ -196,7 +196,7 @@ def first_contacts(contacts: Sequence[Contact]) -> list[Contact]:
 
 
 def traversal_time(log: RunLog, start: Point, goal: Point, within: float) -> float:
-    """Time [s] from leaving ``start`` by 0.1 m to the arrival ``within`` [m] of ``goal``.
+    """Return the time [s] from leaving ``start`` by 0.1 m to arriving ``within`` [m] of ``goal``.
 
     If the robot did not arrive, it ends with the run; it is 0 if the robot did not leave.
     """
@@ -272,7 +272,7 @@ def measure(
 
 
 def shortest_with_room(plan: SceneGeometry, points: Sequence[Point], radius: float) -> float:
-    """Length [m] of the shortest path through ``points`` with 0.15 m beside a disc of ``radius``.
+    """Return the shortest path's length [m] through ``points``, 0.15 m beside the robot's disc.
 
     A leg that has no such path counts with the shortest path without that space.
     """

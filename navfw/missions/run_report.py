@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 
 def default_folder(session: Session) -> Path:
-    """The default run folder: ``runs/<world>-<mission>-<seed>``."""
+    """Return the default run folder: ``runs/<world>-<mission>-<seed>``."""
     return Path("runs") / f"{session.world_name}-{session.mission_name}-{session.seed}"
 
 
@@ -289,7 +289,7 @@ def _write_labels(axes: Axes, result: MissionResult, goals: Sequence[top_view.Po
 
 
 def _timed_ticks(log: RunLog) -> list[int]:
-    """The ticks at whole times, neither the first nor the last one."""
+    """Return the ticks at whole times, neither the first nor the last one."""
     if log.ticks < 2:
         return []
     step = next((s for s in _TIME_STEPS if log.time[-1] / s <= _MAX_TIMES), _TIME_STEPS[-1])
@@ -298,7 +298,7 @@ def _timed_ticks(log: RunLog) -> list[int]:
 
 
 def _direction(log: RunLog, tick: int) -> float:
-    """The direction of the path [rad]; of the robot's nose where it stands."""
+    """Return the direction of the path [rad]; of the robot's nose where it stands."""
     now = log.time[tick]
     before, after = np.searchsorted(log.time, (now - _DIRECTION_OVER, now + _DIRECTION_OVER))
     dx, dy = log.true[min(after, log.ticks - 1), :2] - log.true[before, :2]

@@ -243,7 +243,7 @@ class MissionLoop:
         self.logger.add_waypoints(state.path)
 
     def _judge(self, now: float, pose: Pose, twist: Twist) -> MissionVerdict | None:
-        """The verdict if the mission ends at this tick; a collision takes precedence."""
+        """Return the verdict if the mission ends at this tick; a collision takes precedence."""
         self.goal_checker.update(pose)
         if contacts := self.simulator.contacts:
             touched = list(dict.fromkeys(contacts))
@@ -281,7 +281,7 @@ class MissionLoop:
         return self._end(Outcome.TIMEOUT, reason)
 
     def _finish(self, now: float, pose: Pose, twist: Twist) -> MissionVerdict | None:
-        """The verdict once the finished robot stands still, or after _SETTLE_TIME."""
+        """Return the verdict once the finished robot stands still, or after _SETTLE_TIME."""
         if self.finished_at is None:
             self.finished_at = now
         moving = abs(twist.v) > _STILL or abs(twist.w) > _STILL

@@ -349,7 +349,7 @@ class MissionResult(RunResult):
 
 
 def _stage_times(stack: Stack, simulation: Simulation, sim_time: float) -> dict[str, float]:
-    """The computing time [ms] per camera frame of the simulator's and the stack's stages."""
+    """Return the computing time [ms] per camera frame of the simulator's and the stack's stages."""
     spent = simulation.timings
     stages = {"render": spent.render, "physics": spent.physics, "sensors": spent.sensors}
     if stack.features.plugin.landmark_frames:

@@ -93,7 +93,7 @@ class TrueTour:
         return bool(inside.all() and not self._solid.occupied[cells[:, 0], cells[:, 1]].any())
 
     def _cells(self, points: Array) -> tuple[Array, Mask]:
-        """The cells (n, 2) at points (n, 2) [m], clipped, and which are inside."""
+        """Return the cells (n, 2) at points (n, 2) [m], clipped, and which are inside."""
         cells = np.floor((points - self._solid.origin) / self._solid.cell).astype(np.int64)[:, ::-1]
         inside = np.all((cells >= 0) & (cells < self._solid.occupied.shape), axis=1)
         return np.clip(cells, 0, np.array(self._solid.occupied.shape) - 1), inside

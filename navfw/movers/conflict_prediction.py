@@ -168,7 +168,7 @@ def _follow(
 
 @numba.njit(cache=True)
 def _approach(moving: Array, start: Array, way: Array, heading: Array, radius: float) -> float:
-    """Largest approach [m] by the robot to a close moving obstacle within _MOMENT."""
+    """Return the largest approach [m] by the robot to a close moving obstacle within _MOMENT."""
     x, y = start
     for k in range(int(_MOMENT / _STEP)):
         x += way[k] * heading[k, 0]

@@ -29,7 +29,7 @@ def _fused(builder: Any, kind: Any, name: str) -> Any:
 
 
 def _write_fma(context: Any, a: Any, b: Any, c: Any) -> tuple[Any, Callable[..., Any]]:
-    """``a * b + c`` of three floating point numbers of one type, with one rounding."""
+    """Return ``a * b + c`` of three floating point numbers of one type, with one rounding."""
     if not (isinstance(a, types.Float) and a == b == c):
         raise errors.TypingError("expected three floating point numbers of one type")
 

@@ -114,7 +114,7 @@ def triangulate(flow: FlowField, focal: float) -> Nearness:
 
 
 def _flat(values: Array) -> Array:
-    """``values`` as a contiguous float64 array (n,), as the kernels need them."""
+    """Return ``values`` as a contiguous float64 array (n,), as the kernels need them."""
     return np.ascontiguousarray(values, dtype=np.float64).reshape(-1)
 
 
@@ -193,7 +193,7 @@ def common_regions(
 
 
 def _biggest(first: int, size: list[float], shown: list[bool], same: list[float]) -> list[int]:
-    """The biggest of the four siblings from index ``first`` on, and those that belong to it.
+    """Return the biggest of the four siblings from index ``first`` on, and those that belong to it.
 
     ``same`` has the order of ``planes.pairs_of``: four pairs per family, as in ``NEIGHBOURS``.
     """

@@ -164,7 +164,7 @@ class Offis(Perception):
         twist: Twist,
         geometry: GridGeometry,
     ) -> OffisResults:
-        """``results`` with the nearest objects that all ``alternatives`` show, too."""
+        """Return ``results`` with the nearest objects that all ``alternatives`` show, too."""
         others = []
         for flow in alternatives:
             seen, _, label = self._cells(flow, geometry)

@@ -114,7 +114,7 @@ def _nearer_plane(planes: Array, lateral: Array, ahead: Array, halves: Mask, i: 
 
 @numba.njit(cache=True)
 def _surely(sums: Array, begin: int, end: int, sign: float) -> float:
-    """Mean over columns times ``sign``, less its standard error, at least -1; -1 if unknown.
+    """Return mean over columns times ``sign``, less its standard error, at least -1; -1 if unknown.
 
     The standard error is that of correlated neighbours: twice that of independent cells.
     """

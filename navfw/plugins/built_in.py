@@ -76,7 +76,7 @@ _MAX_SOURCE = 1_000_000
 
 
 def outlines(file: Path) -> list[tuple[str, str, str]]:
-    """Kind, name and summary of each behaviour and composite in a file, read from its source.
+    """Return kind, name and summary of the behaviours and composites in a file, from its source.
 
     Empty if the file cannot be parsed. The file is not imported.
     """

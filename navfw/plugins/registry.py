@@ -154,7 +154,7 @@ class Registry:
         return entry.cls
 
     def names(self, kind: str) -> list[str]:
-        """The sorted names of all plugins of a kind, broken ones included."""
+        """Return the sorted names of all plugins of a kind, broken ones included."""
         check_kind(kind)
         return sorted(name for of, name in self._entries if of == kind)
 
@@ -238,7 +238,7 @@ class Registry:
         self._entries[entry.kind, entry.name] = entry
 
     def _loaded(self, entry: _RegistryEntry) -> _RegistryEntry:
-        """``entry``, or the one that takes its place, with its class or an error."""
+        """Return ``entry``, or the one that takes its place, with its class or an error."""
         if entry.cls is not None or entry.error is not None:
             return entry
         if entry.file is not None:

@@ -23,13 +23,13 @@ _OF_WORLDS = {"landmark", "event", "family"}
 
 
 def plugin_files(plugins: Mapping[str, Plugin]) -> dict[str, Path]:
-    """The source files of ``plugins`` by "KIND NAME"; those without a file are left out."""
+    """Return the source files of ``plugins`` by "KIND NAME"; those without a file are left out."""
     files = {f"{plugin.kind} {name}": source_file(type(plugin)) for name, plugin in plugins.items()}
     return {label: real_path(file) for label, file in files.items() if file is not None}
 
 
 def simulator_users(plugins: Mapping[str, Plugin]) -> tuple[str, ...]:
-    """The sorted names of those ``plugins`` that use the simulator.
+    """Return the sorted names of those ``plugins`` that use the simulator.
 
     A plugin declares it (``oracle``), or its source, or a helper in its folder, imports it.
     """
@@ -43,7 +43,7 @@ def simulator_users(plugins: Mapping[str, Plugin]) -> tuple[str, ...]:
 
 
 def access_notes(cls: type[Plugin]) -> list[str]:
-    """A line ``file:line: imports MODULE`` for each import of the simulator by a stage's plugin.
+    """Return a line ``file:line: imports MODULE`` for each simulator import by a stage plugin.
 
     Empty for landmark kinds, events and families, which act on the world before a run, and for
     plugins that declare ``oracle``.
@@ -55,7 +55,7 @@ def access_notes(cls: type[Plugin]) -> list[str]:
 
 
 def simulator_imports(file: Path) -> tuple[tuple[int, str], ...]:
-    """Line and module of each simulator import in the Python ``file``; empty if unreadable."""
+    """Return line and module of each simulator import in a Python ``file``; [] if unreadable."""
     return _imports_in(_nodes(file))
 
 
@@ -75,7 +75,7 @@ def _nodes(file: Path) -> list[ast.AST]:
 
 
 def _modules(node: ast.AST) -> Iterator[str]:
-    """The modules that a statement imports, ``importlib.import_module("NAME")`` included."""
+    """Yield the modules that a statement imports, ``importlib.import_module("NAME")`` included."""
     match node:
         case ast.Import(names=names):
             yield from (name.name for name in names)

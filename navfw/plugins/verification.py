@@ -45,7 +45,7 @@ def find_problems(cls: object) -> list[str]:
 
 
 def kind_of(cls: object) -> str | None:
-    """The kind of plugin that ``cls`` is a subclass of; None if of none or of several."""
+    """Return the kind of plugin that ``cls`` is a subclass of; None if of none or of several."""
     if not inspect.isclass(cls):
         return None
     kinds = [kind for kind, base in interfaces.KINDS.items() if issubclass(cls, base)]
@@ -53,7 +53,7 @@ def kind_of(cls: object) -> str | None:
 
 
 def source_file(cls: object) -> Path | None:
-    """The file that defines ``cls``; None if there is none."""
+    """Return the file that defines ``cls``; None if there is none."""
     try:
         return Path(inspect.getfile(cls))  # type: ignore[arg-type]
     except (TypeError, OSError):
@@ -164,7 +164,7 @@ def _mismatch(wanted: inspect.Signature, actual: inspect.Signature) -> str:
 
 
 def _bare(signature: inspect.Signature) -> str:
-    """A signature without types: ``(self, context)``."""
+    """Return a signature without types: ``(self, context)``."""
     empty = inspect.Parameter.empty
     parameters = [p.replace(annotation=empty) for p in signature.parameters.values()]
     return str(signature.replace(parameters=parameters, return_annotation=inspect.Signature.empty))

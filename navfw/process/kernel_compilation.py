@@ -94,7 +94,7 @@ class Kernel:
 
 
 def listed_kernels(loaded: bool = False) -> list[Kernel]:
-    """The kernels of ``kernels.json``; with ``loaded`` only those of modules imported by now.
+    """Return the kernels of ``kernels.json``; if ``loaded``, only those of imported modules.
 
     Empty if numba does not compile (NUMBA_DISABLE_JIT).
     """

@@ -18,7 +18,7 @@ def usable_cores() -> int:
 
 
 def peak_memory_mb() -> float:
-    """The largest resident memory [MB] that this process has had since its start.
+    """Return the largest resident memory [MB] that this process has had since its start.
 
     On Linux it is read from ``VmHWM``, as ``ru_maxrss`` includes what the parent had when it
     started the process. NaN if the system does not say, as on Windows.

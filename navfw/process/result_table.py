@@ -43,7 +43,7 @@ class Column:
     missing: str = "-"
 
     def cell(self, record: Any) -> str:
-        """The text in this column for a record."""
+        """Return the text in this column for a record."""
         value = self.value(record) if callable(self.value) else record[self.value]
         return shown(value, self.form, self.unit, self.missing)
 
@@ -67,11 +67,11 @@ class ResultTable:
         return [[column.cell(record) for column in self.columns] for record in self.records]
 
     def markdown(self) -> str:
-        """The table in Markdown, without its title."""
+        """Return the table in Markdown, without its title."""
         return markdown_table(self.head, self.rows)
 
     def latex(self) -> str:
-        """The table as a LaTeX tabular; it needs the package booktabs."""
+        """Return the table as a LaTeX tabular; it needs the package booktabs."""
         columns = "l" + "r" * (len(self.columns) - 1)
         lines = [" & ".join(map(_in_latex, row)) + r" \\" for row in (self.head, *self.rows)]
         parts = [rf"\begin{{tabular}}{{{columns}}}", r"\toprule", lines[0], r"\midrule", *lines[1:]]
@@ -84,7 +84,7 @@ def named(records: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 
 def markdown_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A Markdown table; all columns but the first are aligned to the right."""
+    """Return a Markdown table; all columns but the first are aligned to the right."""
     lines = [head, ["---", *["---:"] * (len(head) - 1)], *rows]
     return "".join(
         "| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |\n" for row in lines

@@ -92,7 +92,7 @@ class TargetLock:
                 self.file.unlink()
 
     def _locked(self) -> int | sqlite3.Connection | None:
-        """The lock file, locked; None if it is in use, or was just removed."""
+        """Return the lock file, locked; None if it is in use, or was just removed."""
         handle = os.open(self.file, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o600)
         if fcntl is None:
             os.close(handle)
@@ -105,7 +105,7 @@ class TargetLock:
         return None
 
     def _locked_database(self) -> sqlite3.Connection | None:
-        """The lock file as an empty database, locked; None if it is in use."""
+        """Return the lock file as an empty database, locked; None if it is in use."""
         database = sqlite3.connect(self.file, 0.0, isolation_level=None, check_same_thread=False)
         with contextlib.suppress(sqlite3.OperationalError):
             database.execute("PRAGMA journal_mode = OFF")  # no second file beside it

@@ -206,7 +206,7 @@ class Bag:
                 yield BagImage(f"{topic} {number}", row[0], row[1], sent[2])
 
     def _topic_of(self, role: str) -> str:
-        """The topic that is read; "" if there is none."""
+        """Return the topic that is read; "" if there is none."""
         names = topics_of(role, self._counts, self.image_topic)
         return self._chosen(role, names[: 1 if role in {"gyro", "info", "mounts"} else None])
 

@@ -39,7 +39,7 @@ class SensorClock:
 
 
 def unwrapped(angles: Array) -> Array:
-    """``angles`` (n, k) [rad] of wheels without the jumps of drivers that keep them within turns.
+    """Return wheel ``angles`` (n, k) [rad] without the jumps of drivers that wrap them.
 
     They are kept within one turn, or within two (Isaac Sim).
     """

@@ -17,7 +17,7 @@ def turn_rates(message: Any) -> tuple[float, ...]:
 
 
 def planar_pose(message: Any) -> tuple[float, ...]:
-    """The pose x, y [m], yaw [rad] of an ``Odometry`` in its plane; nan if it lies on its side."""
+    """Return an ``Odometry``'s x, y [m], yaw [rad] in its plane; nan if it lies on its side."""
     place, q = message.pose.pose.position, message.pose.pose.orientation
     if q.x * q.x + q.y * q.y > _MAX_LEAN:
         return (math.nan,) * 3
@@ -66,7 +66,7 @@ _TRANSPORTS = {"compressed", "compressedDepth", "theora", "ffmpeg", "zstd"}
 
 
 def topics_of(role: str, counts: Iterable[tuple[str, str, int]], images: str = "") -> list[str]:
-    """The topics of a role, that of the usual name and with most messages first.
+    """Return the topics of a role, that of the usual name and with most messages first.
 
     ``counts`` are name, type and number of messages of each topic. Those in the outermost namespace
     of ``images`` come before others: there may be several robots.

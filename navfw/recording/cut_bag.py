@@ -100,7 +100,7 @@ def _whole_records(file: BinaryIO, end: int) -> tuple[int, bytes]:
 
 
 def _unpacked(chunk: bytes) -> bytes:
-    """The records at the beginning of a chunk that is cut off."""
+    """Return the records at the beginning of a chunk that is cut off."""
     with suppress(struct.error, ValueError, RuntimeError, zstd.ZstdError):
         (width,) = struct.unpack_from("<I", chunk, 28)
         kind, packed = chunk[32 : 32 + width], chunk[40 + width :]

@@ -110,7 +110,7 @@ def agreeing_axes(seen: Array, measured: Array) -> tuple[Array | None, float]:
 
 
 def axes_by_wheels(gyro: Array, odometry: Array, axes: Array) -> Array | None:
-    """The axes in which a ``gyro`` turns as the wheels do; None if these ``axes`` may be right.
+    """Return axes in which ``gyro`` turns as the wheels do; None if these ``axes`` may be right.
 
     Rows of ``gyro`` are time [s] and rates [rad/s], of ``odometry`` time [s], x, y, yaw [rad].
     """

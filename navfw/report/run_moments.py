@@ -185,7 +185,7 @@ def _moment(
 
 
 def _leading_inputs(explanation: Mapping[str, Any]) -> dict[str, float]:
-    """The values of the inputs that the fired rules of the leading behaviour name."""
+    """Return the values of the inputs that the fired rules of the leading behaviour name."""
     leader = explanation.get("behaviors", {}).get(explanation.get("leader"), {})
     named = [rule.get("inputs", {}).items() for rule in leader.get("rules", ())]
     return {name: value for items in named for name, value in items if value is not None}
@@ -244,7 +244,7 @@ def local_map_picture(grid: Any) -> Image:
 
 
 def _points(group: Any, limit: int) -> list[int]:
-    """The points of an annotation one after the other, in sixteenths of a pixel."""
+    """Return the points of an annotation one after the other, in sixteenths of a pixel."""
     return [round(16.0 * value) for p in group.points[:limit] for value in (p.x, p.y)]
 
 
@@ -254,7 +254,7 @@ def _css(color: Any) -> str:
 
 
 def _rating(grid: Any) -> Rating:
-    """The ratings in a grid of ``viewer_messages.proposals_message``."""
+    """Return the ratings in a grid of ``viewer_messages.proposals_message``."""
     names = tuple(f.name.removesuffix(".desirability") for f in list(grid.fields)[::2])
     speeds, fields = int(grid.column_count), len(grid.fields)
     cells = np.frombuffer(grid.data, dtype=np.uint8).reshape(-1, speeds, fields)

@@ -63,7 +63,7 @@ def plan_data(
     places: Sequence[tuple[str, float, float]],
     behaviors: Iterable[str],
 ) -> dict[str, Any]:
-    """The data of which ``page_drawing.js`` draws a plan: ``shapes``, ``places`` (name, x, y).
+    """Return the data from which ``page_drawing.js`` draws a plan: ``shapes``, ``places``.
 
     ``bounds`` are the lowest and highest x, y [m]; ``behaviors`` are given their colours.
     """
@@ -80,7 +80,7 @@ def plan_data(
 
 
 def _drawn(shape: top_view.Shape) -> dict[str, Any]:
-    """A shape as the page's script draws it."""
+    """Return a shape as the page's script draws it."""
     style = shape.style
     drawn: dict[str, Any] = {"fill": style.color, "edge": style.edge, "width": style.width}
     if isinstance(shape, top_view.Disc):
@@ -218,7 +218,7 @@ _ROWS = "time clearance confidence x y believed_x believed_y v w driven_v driven
 
 
 def _columns(timeline: run_timeline.RunTimeline) -> dict[str, Any]:
-    """The timeline by columns, in thousandths; of the leaders their names."""
+    """Return the timeline by columns, in thousandths; of the leaders their names."""
     single = timeline.time, timeline.clearance, timeline.confidence
     pairs = timeline.true, timeline.estimate, timeline.commands, timeline.driven
     table = np.round(np.column_stack([*single, *pairs]), 3)
@@ -226,7 +226,7 @@ def _columns(timeline: run_timeline.RunTimeline) -> dict[str, Any]:
 
 
 def _moments_data(moments: list[dict[str, Any]], stack: Mapping[str, Any]) -> dict[str, Any]:
-    """The moments of a run with the ``stack`` as the page's script reads them.
+    """Return the moments of a run with the ``stack`` as the page's script reads them.
 
     The ratings of a moment are bytes in base64, of its map there is the number among ``maps``.
     """

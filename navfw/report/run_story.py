@@ -195,7 +195,7 @@ def why_so(result: Mapping[str, Any]) -> str:
 
 
 def _decisions(run: RecordedRun) -> Iterator[_Decision]:
-    """The recorded decisions. The rules of one stand beside it, or are those before it."""
+    """Yield the recorded decisions. The rules of one stand beside it, or are those before it."""
     x = y = math.nan
     rules: Mapping[str, Any] = {}
     speed = 0.0
@@ -228,7 +228,7 @@ def _episodes(
     shorter: float,
     places: Mapping[str, tuple[float, float]],
 ) -> Iterator[StoryLine]:
-    """The episodes of all kinds; slow ones where no other is."""
+    """Yield the episodes of all kinds; slow ones where no other is."""
     kinds = [one.kind for one in decisions]
     slow = [
         kind or ("slow" if max(one.said["v"], one.speed) < _SLOW * top and one.bounded else "")
@@ -268,7 +268,7 @@ def _sentence(kind: str, part: Sequence[_Decision], took: float) -> str:
 
 
 def _reason(part: Sequence[_Decision], *, slower: bool = False) -> str:
-    """The behaviour that led, its strongest rule, the strength of that, and its inputs.
+    """Return the behaviour that led, its strongest rule, the strength of that, and its inputs.
 
     ``slower`` asks for what kept the robot below its top speed instead, where that is recorded.
     """
@@ -289,7 +289,7 @@ def _reason(part: Sequence[_Decision], *, slower: bool = False) -> str:
 
 
 def _most(words: Any) -> str:
-    """The most frequent word."""
+    """Return the most frequent word."""
     counted = Counter(word for word in words if word)
     return str(counted.most_common(1)[0][0]) if counted else ""
 
@@ -297,7 +297,7 @@ def _most(words: Any) -> str:
 def _passed(
     decisions: Sequence[_Decision], places: Mapping[str, tuple[float, float]]
 ) -> Iterator[StoryLine]:
-    """The places at which the robot was on its way."""
+    """Yield the places at which the robot was on its way."""
     before = ""
     for one in decisions[:-1]:
         name, away = _nearest(one, places)
@@ -308,7 +308,7 @@ def _passed(
 
 
 def _nearest(one: _Decision, places: Mapping[str, tuple[float, float]]) -> tuple[str, float]:
-    """The place nearest to the robot, and its distance [m]; infinite without any."""
+    """Return the place nearest to the robot, and its distance [m]; infinite without any."""
     if not places or math.isnan(one.x):
         return "", math.inf
     away, name = min((math.dist((one.x, one.y), at), name) for name, at in places.items())
@@ -367,7 +367,7 @@ def _of_result(result: Mapping[str, Any]) -> Iterator[StoryLine]:
 
 
 def _plain(value: Any) -> str:
-    """A value of an event as words."""
+    """Return a value of an event as words."""
     if isinstance(value, Mapping):
         return " ".join(f"{key} {_plain(one)}" for key, one in value.items())
     return str(value)

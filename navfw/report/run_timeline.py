@@ -156,7 +156,7 @@ def run_events(
 
 
 def _outline(scene: Any) -> WorldOutline:
-    """The world of ``viewer_messages.world_message`` from above."""
+    """Return the world of ``viewer_messages.world_message`` from above."""
     entity = scene.entities[0]
     boxes = [(cube.size.z, _corners(cube)) for cube in entity.cubes]
     tall = max((height for height, _ in boxes), default=0.0)
@@ -169,7 +169,7 @@ def _outline(scene: Any) -> WorldOutline:
 
 
 def _corners(cube: Any) -> Array:
-    """The corners (4, 2) [m] of a cube that is turned about its vertical axis."""
+    """Return the corners (4, 2) [m] of a cube that is turned about its vertical axis."""
     half = 0.5 * np.array([cube.size.x, cube.size.y])
     around = half * np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
     return planar_pose(cube).points_to_parent(around)
@@ -186,7 +186,7 @@ def planar_pose(message: Any) -> Pose:
 
 
 def newest_pose(content: Mapping[str, Any], topic: str) -> Pose | None:
-    """The planar pose of the newest message on the channel ``topic``; None if there is none."""
+    """Return the planar pose of the newest message on channel ``topic``; None without one."""
     return planar_pose(content[topic]) if topic in content else None
 
 

@@ -104,7 +104,7 @@ class VideoPlan:
         return image
 
     def _corner(self, pose: Pose | None) -> Array:
-        """The lower left corner [m] of the part of the world around ``pose``."""
+        """Return the lower left corner [m] of the part of the world around ``pose``."""
         low, high = self._low + self._half, self._high - self._half
         middle = 0.5 * (self._low + self._high)
         if pose is not None:
@@ -251,7 +251,7 @@ def _draw_flow(scene: Image, annotations: Any, scale: float) -> None:
 
 
 def _fixed(group: Any, scale: float) -> Any:
-    """The points of an annotation as OpenCV's fixed-point coordinates (n, 2)."""
+    """Return the points of an annotation as OpenCV's fixed-point coordinates (n, 2)."""
     points = np.array([(point.x, point.y) for point in group.points]).reshape(-1, 2)
     return np.rint(scale * points * (1 << _SHIFT)).astype(np.int32)
 

@@ -55,7 +55,7 @@ class RunLines:
         return line
 
     def _image(self, file: Path) -> str:
-        """The picture as a data URL; "" where there are too many, or it cannot be read."""
+        """Return the picture as a data URL; "" where there are too many, or it cannot be read."""
         if not self._left:
             return ""
         try:
@@ -68,7 +68,7 @@ class RunLines:
 
 
 def relative_link(file: Path, folder: Path) -> str:
-    """The URL of ``file``, relative to a page in ``folder``."""
+    """Return the URL of ``file``, relative to a page in ``folder``."""
     return quote(os.path.relpath(file.absolute(), folder.absolute()))
 
 

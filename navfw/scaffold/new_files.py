@@ -88,7 +88,7 @@ navfw = {{ path = {path}, editable = {editable} }}
 
 
 def activation() -> str:
-    """The shell command that activates this environment; "" if it has no activation script."""
+    """Return the shell command that activates this environment; "" if it has no script."""
     script = Path(sys.prefix, "bin", "activate")
     return f"source {shlex.quote(str(script))}" if script.is_file() else ""
 
@@ -172,7 +172,7 @@ def _taken(sort: str, world: str) -> dict[str, str]:
 
 
 def _model(world: str) -> lookup.NamedFile:
-    """The mission of ``world`` that a new one begins as: the first one without events.
+    """Return the mission of ``world`` that a new one begins as: the first one without events.
 
     Raises:
         ConfigError: the world has no such mission.

@@ -38,7 +38,7 @@ class PartKind:
 
 
 def _stage(kind: str, what: str) -> PartKind:
-    """A stage of the stack: a plugin, a stack with it, and a mission with that stack."""
+    """Return a stage of the stack: a plugin, a stack with it, and a mission with that stack."""
     return PartKind(
         help=f"Write {what}, a stack with it, and a test.",
         rule="identifier",

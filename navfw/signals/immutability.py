@@ -15,7 +15,7 @@ ArrayT = TypeVar("ArrayT", bound=np.ndarray[Any, Any])
 
 
 def read_only(array: ArrayT) -> ArrayT:
-    """A copy of ``array`` that cannot be written to; ``array`` itself if it is one already."""
+    """Return a copy of ``array`` that cannot be written; ``array`` itself if it is read-only."""
     if not array.flags.writeable:
         return array
     copy = array.copy()

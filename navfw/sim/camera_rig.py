@@ -190,7 +190,7 @@ class Shutter:
 
 
 def image_motion(camera: Camera, first: BodyState, second: BodyState) -> float:
-    """Largest motion [px] of a near surface at the image's edge between two states."""
+    """Return the largest motion [px] of a near surface at the image's edge between two states."""
     way = math.dist(first[0], second[0])
     opposite = (-x for x in second[1])  # the same turn as ``second``
     apart = min(math.dist(first[1], second[1]), math.dist(first[1], tuple(opposite)))
@@ -217,7 +217,7 @@ def row_weights(rows: int, poses: int, exposed: float) -> Array:
 
 
 def _between(first: BodyState, second: BodyState, share: float) -> BodyState:
-    """The state at ``share`` of the small motion from ``first`` to ``second``."""
+    """Return the state at ``share`` of the small motion from ``first`` to ``second``."""
     place = (1.0 - share) * np.array(first[0]) + share * np.array(second[0])
     one, other = np.array(first[1]), np.array(second[1])
     turn = (1.0 - share) * one + share * (other if product(one, other) > 0.0 else -other)
@@ -329,7 +329,7 @@ class CameraRig:
         return Frame(time, image, tuple(aside))
 
     def _scene(self, time: float, body: BodyState) -> list[Image]:
-        """The light on the sensor: the camera's image and the side views."""
+        """Return the light on the sensor: the camera's image and the side views."""
         exposure = self._sensor.exposure_time
         clean, self._raw_depth = self._shutter.render(self.camera, time, body, exposure)
         if self._lens is not None:
@@ -338,7 +338,7 @@ class CameraRig:
         return [clean, *sides]
 
     def _blind(self, noise: Image) -> list[Image]:
-        """A part of ``noise`` that differs from the one before, and dark side views."""
+        """Return a part of ``noise`` that differs from the one before, and dark side views."""
         height, first = len(noise) // 2, 7 * self._frames % len(noise) // 2
         sides = (np.zeros((s.model.height, s.model.width), np.uint8) for s in self._sides)
         return [noise[first : first + height], *sides]

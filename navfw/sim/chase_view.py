@@ -75,7 +75,7 @@ class ChaseView:
         return np.asarray(cv2.resize(bgr, self._size, interpolation=cv2.INTER_AREA), np.uint8)
 
     def _room_behind(self, pose: Pose) -> float:
-        """Distance [m] behind the robot at which the camera is in front of walls."""
+        """Return the distance [m] behind the robot at which the camera is in front of walls."""
         along = np.arange(_MIN_BEHIND, _BEHIND, 0.05)
         points: Array = np.array([pose.to_parent(-back, 0.0) for back in along.tolist()])
         walls = np.min([along, *(shape.distance(points) for shape in self._tall)], axis=0)
@@ -84,7 +84,7 @@ class ChaseView:
 
 
 def _parts(robot: RobotModel) -> Iterator[Solid]:
-    """The robot as solids around its origin: body, mast and camera."""
+    """Yield the robot as solids around its origin: body, mast and camera."""
     lens, at, body = robot.camera.mount_height, robot.camera.mount_forward, robot.footprint
     shape: Circle | Rectangle = Circle(0.0, 0.0, robot.radius)
     if body is not None:

@@ -58,7 +58,7 @@ class BulletClient:
         self._client = client
 
     def _call(self, function: str, *args: Any, **kwargs: Any) -> Any:
-        """The answer of PyBullet's function of that name for this client."""
+        """Return the answer of PyBullet's function of that name for this client."""
         return getattr(bullet, function)(*args, physicsClientId=self._client, **kwargs)
 
 

@@ -179,7 +179,7 @@ class Obstacle(StrictModel):
         return self
 
     def footprint(self, x: float, y: float) -> Shape:
-        """The obstacle's outline in the plane with its centre at (x, y) [m]."""
+        """Return the obstacle's outline in the plane with its centre at (x, y) [m]."""
         if self.size is None:
             return Circle(x, y, self.radius or 0.0)
         return Rectangle(x, y, 0.5 * self.size[0], 0.5 * self.size[1], self.yaw)

@@ -55,7 +55,7 @@ def furniture_mesh(file: str, scale: float, up: Up) -> TriangleMesh:
 
 
 def _urdf_mesh(path: Path) -> TriangleMesh:
-    """The collision shapes of all links in the axes of the root link [m]."""
+    """Return the collision shapes of all links in the axes of the root link [m]."""
     model = read_urdf(path)
     if not model.collisions:
         what = "no link has a collision shape; add <collision> elements, which are drawn as well"
@@ -71,7 +71,7 @@ def _urdf_mesh(path: Path) -> TriangleMesh:
 
 
 def _shape_mesh(model: UrdfModel, collision: UrdfCollision) -> TriangleMesh:
-    """The mesh of one <geometry>, around its own origin."""
+    """Return the mesh of one <geometry>, around its own origin."""
     shape, size = collision.shape, collision.size
     if size is not None:
         if min(size) <= 0.0:

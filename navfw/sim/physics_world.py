@@ -63,7 +63,7 @@ class PhysicsWorld(BulletClient):
         return tuple(body for body, name in self._names.items() if name == _FLOOR)
 
     def name_at(self, body: int, x: float, y: float, z: float) -> str:
-        """Name of the solid to which a contact of ``body`` at (x, y, z) [m] belongs."""
+        """Return the name of the solid to which a contact of ``body`` at (x, y, z) [m] belongs."""
         shared = self._shared.get(body)
         if shared is None:
             return self._names.get(body, f"body {body}")
@@ -148,7 +148,7 @@ class PhysicsWorld(BulletClient):
         self._add_body(mesh.name, [*mesh.at, mesh.base], collision, yaw=mesh.yaw)
 
     def _build_walker(self, walker: WalkerSpec) -> int:
-        """A walker's body at the first point of its path; the simulation moves it."""
+        """Return a walker's body at the first point of its path; the simulation moves it."""
         size = {"radius": walker.radius, "height": walker.height}
         collision = self._call("createCollisionShape", bullet.GEOM_CYLINDER, **size)
         centre = [*walker.path[0], 0.5 * walker.height]

@@ -86,7 +86,7 @@ class _Strip:
         return Rectangle(x * cell, y * cell, half * cell, deep * cell, math.atan2(ay, ax))
 
     def part(self, low: float, high: float) -> _Strip:
-        """The part between two distances along it."""
+        """Return the part between two distances along it."""
         x, y = self.start[0] + low * self.along[0], self.start[1] + low * self.along[1]
         return _Strip((x, y), self.along, high - low, self.depth)
 
@@ -107,7 +107,7 @@ class _Strip:
 
 
 def _straight_edges(outline: Array) -> list[_Edge]:
-    """The ends of the straight edges of an outline, moved onto the border of its cells."""
+    """Return the ends of the straight edges of an outline, moved onto the border of its cells."""
     if len(outline) < 3:
         return []
     corners = cv2.approxPolyDP(outline.astype(np.float32)[:, None], _OUTLINE_TOLERANCE, closed=True)
@@ -121,7 +121,7 @@ def _straight_edges(outline: Array) -> list[_Edge]:
 
 
 def _fitted(points: Array) -> _Edge:
-    """The ends of the line through points (N, 2), moved half a cell to its left."""
+    """Return the ends of the line through points (N, 2), moved half a cell to its left."""
     first, last = points[0], points[-1]
     along = (last - first) / max(math.dist(last, first), 1e-9)
     if len(points) > 6:
@@ -195,7 +195,7 @@ def _is_ground(ground: Mask, open_: Mask, points: Array, axis: int) -> Mask:
 
 
 def _cover(candidates: list[_Strip], wanted: Mask) -> list[_Strip]:
-    """The candidates chosen greedily, until they cover as much as all of them."""
+    """Return the candidates chosen greedily, until they cover as much as all of them."""
     cells = [strip.cells(wanted) for strip in candidates]
     left = wanted.ravel().copy()
     queue = [(-len(covered), number) for number, covered in enumerate(cells) if covered.size]

@@ -85,7 +85,7 @@ class WheeledBody(BulletClient, ABC):
         )
 
     def wheel_angles(self) -> tuple[float, float]:
-        """Mean accumulated angles of the wheels of each side (left, right) [rad]."""
+        """Return the mean accumulated angles of the wheels of each side (left, right) [rad]."""
         turned = [s[0] * sense for s, sense in zip(self._wheel_states(), self._sense, strict=True)]
         left, right = turned[: self._sides[0]], turned[self._sides[0] :]
         return sum_in_order(left) / len(left), sum_in_order(right) / len(right)
@@ -98,7 +98,7 @@ class WheeledBody(BulletClient, ABC):
         return points
 
     def roll_pitch_rates(self, now: BodyState, dt: float) -> tuple[float, float]:
-        """Mean rates [rad/s] about the body's x and y axes since the last call, ``dt`` [s] ago."""
+        """Return mean rates [rad/s] about the body's x and y axes over the last ``dt`` [s]."""
         (a, b, c, d), (x, y, z, w) = (self._last or now)[1], now[1]
         self._last = now
         if dt == 0.0:
@@ -108,7 +108,7 @@ class WheeledBody(BulletClient, ABC):
         return per_turn * roll, per_turn * pitch
 
     def contacts(self) -> set[ContactPoint]:
-        """The current contact points that count as collisions."""
+        """Return the current contact points that count as collisions."""
         # close pairs without contact are listed too: index 8 is the distance, 9 the normal force
         return {
             (point[2], *point[6])
@@ -384,7 +384,7 @@ def make_body(
 
 
 def pose_of(state: BodyState) -> Pose:
-    """The planar pose of a body state."""
+    """Return the planar pose of a body state."""
     (at_x, at_y, _), (x, y, z, w) = state
     yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     return Pose(at_x, at_y, wrap_angle(yaw))

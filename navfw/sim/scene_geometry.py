@@ -58,7 +58,7 @@ class DistanceField:
     lengths: Array
 
     def at(self, x: float, y: float) -> float:
-        """The length [m] from the point x, y [m], interpolated between cells; within about 2 %."""
+        """Return the length [m] from x, y [m, map], interpolated between cells; exact to 2 %."""
         (x0, y0), cell, (rows, columns) = self.grid.origin, self.grid.cell, self.lengths.shape
         up = min(max((y - y0) / cell - 0.5, 0.0), rows - 1.0)
         right = min(max((x - x0) / cell - 0.5, 0.0), columns - 1.0)
@@ -100,7 +100,7 @@ class SceneGeometry:
     # --- clearance ----------------------------------------------------------------------------
 
     def clearances(self, points: Array) -> Array:
-        """Distance (N,) [m] of points (N, 2) to the nearest solid; negative inside one.
+        """Return the distance (N,) [m] of points (N, 2) to the nearest solid; negative inside one.
 
         It is inf in a world without solids. The edge of the floor does not count.
         """
@@ -125,11 +125,11 @@ class SceneGeometry:
         return nearest
 
     def clearance(self, x: float, y: float) -> float:
-        """Distance [m] of a point [m, map] to the nearest solid, without the robot's radius."""
+        """Return the distance [m] of a point [m, map] to the nearest solid."""
         return float(self.clearances(np.array([[x, y]]))[0])
 
     def nearest_name(self, x: float, y: float) -> str:
-        """Name of the solid nearest to the point x, y [m, map]; "" if there is none."""
+        """Return the name of the solid nearest to the point x, y [m, map]; "" if there is none."""
         point = np.array([[x, y]])
         distances = [float(s.shape.distance(point)[0]) for s in self.solids]
         return self.solids[int(np.argmin(distances))].name if distances else ""
@@ -173,7 +173,7 @@ class SceneGeometry:
     def shortest_path(
         self, start: tuple[float, float], goal: tuple[float, float], radius: float
     ) -> tuple[float, Array]:
-        """Length [m] and corners (N, 2) [m] of the shortest path for a robot of ``radius`` [m].
+        """Return length [m] and corners (N, 2) [m] of the shortest path for ``radius`` [m].
 
         Dijkstra's search on a 5 cm grid, then shortened; within about 1 % of the true length
         (test_sim_scene_geometry). Gaps less than a cell wider than the robot may be missed.
@@ -334,7 +334,7 @@ def _length(path: Array) -> float:
 
 
 def _resample(path: Array, spacing: float) -> Array:
-    """The same path with a point at least every ``spacing`` [m]."""
+    """Return the same path with a point at least every ``spacing`` [m]."""
     parts = []
     for a, b in pairwise(path):
         count = max(int(np.ceil(math.dist(a, b) / spacing)), 1)

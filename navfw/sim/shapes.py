@@ -107,7 +107,7 @@ def overlap_depth(a: Shape, b: Shape) -> float:
 
 
 def gap_between(a: Shape, b: Shape) -> float:
-    """Distance [m] between two shapes; not positive when they touch or overlap."""
+    """Return the distance [m] between two shapes; not positive when they touch or overlap."""
     if isinstance(a, Circle):
         return float(b.distance(np.array([[a.x, a.y]]))[0]) - a.radius
     if isinstance(b, Circle):

@@ -298,7 +298,7 @@ class Simulation(BulletConnection):
         return self._cause
 
     def walker_track(self) -> world_changes.WalkerTrack:
-        """The walkers' positions so far, recorded at every ``advance``."""
+        """Return the walkers' positions so far, recorded at every ``advance``."""
         shape = len(self._walker_times), len(self.walkers), 2
         return world_changes.WalkerTrack(
             names=tuple(walker.spec.name for walker in self.walkers),
@@ -308,11 +308,11 @@ class Simulation(BulletConnection):
         )
 
     def change_track(self) -> world_changes.ChangeTrack:
-        """The solids that were present only part of the time so far: doors, obstacles."""
+        """Return the solids that were present only part of the time so far: doors, obstacles."""
         return self._changes.track()
 
     def true_pose(self) -> Pose:
-        """The robot's true pose in ``map``."""
+        """Return the robot's true pose in ``map``."""
         return self._truth()[1]
 
     def true_depth(self) -> DepthImage:
@@ -320,7 +320,7 @@ class Simulation(BulletConnection):
         return self._rig.true_depth()
 
     def true_motion(self, past: Frame, now: Frame) -> CameraMotion:
-        """The true motion of the camera between two recent frames, pitch and roll included.
+        """Return the true motion of the camera between two recent frames, pitch and roll included.
 
         Raises:
             SimulationError: one of the frames is not from this simulation, or too old.
@@ -335,7 +335,7 @@ class Simulation(BulletConnection):
         return image, self._rig.camera.depth(raw)
 
     def _truth(self) -> tuple[BodyState, Pose]:
-        """The true body state and pose; read from PyBullet once between advances."""
+        """Return the true body state and pose; read from PyBullet once between advances."""
         if self._true_state is None:
             state = self._body.state()
             self._true_state = state, pose_of(state)

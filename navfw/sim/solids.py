@@ -131,7 +131,7 @@ def solids_of(world: WorldSpec) -> list[Solid]:
 
 
 def _mesh_solids(mesh: MeshSpec) -> Iterator[Solid]:
-    """The upright parts of a mesh in the map."""
+    """Yield the upright parts of a mesh in the map."""
     place = Pose(*mesh.at, mesh.yaw)
     for part in furniture_parts(mesh.file, mesh.scale, mesh.up):
         x, y = place.to_parent(part.shape.x, part.shape.y)
@@ -215,7 +215,7 @@ class Tread:
 
 
 def drop_rectangle(drop: DropSpec) -> Rectangle:
-    """The outline of a drop in the plane."""
+    """Return the outline of a drop in the plane."""
     return _rectangle(drop.x, drop.y)
 
 
@@ -225,7 +225,7 @@ def _rectangle(x: tuple[float, float], y: tuple[float, float]) -> Rectangle:
 
 
 def treads_of(drop: DropSpec) -> list[Tread]:
-    """The treads of a drop, from the uppermost down."""
+    """Return the treads of a drop, from the uppermost down."""
     count = max(drop.steps, 1)
     along, across = (drop.x, drop.y) if drop.down in ("east", "west") else (drop.y, drop.x)
     cuts = np.linspace(*along, count + 1).tolist()
@@ -246,7 +246,7 @@ def treads_of(drop: DropSpec) -> list[Tread]:
 
 
 def floor_pieces(world: WorldSpec) -> list[Rectangle]:
-    """The floor of a world without its drops, as adjacent rectangles."""
+    """Return the floor of a world without its drops, as adjacent rectangles."""
     if not world.drops:
         return [_rectangle(world.x, world.y)]
     edges = sorted({*world.x, *(x for drop in world.drops for x in drop.x)})
@@ -264,12 +264,12 @@ def floor_pieces(world: WorldSpec) -> list[Rectangle]:
 
 
 def drop_at(world: WorldSpec, x: float, y: float) -> DropSpec | None:
-    """The drop that contains the point x, y [m, map]; None if there is none."""
+    """Return the drop that contains the point x, y [m, map]; None if there is none."""
     return next((d for d in world.drops if d.x[0] < x < d.x[1] and d.y[0] < y < d.y[1]), None)
 
 
 def drop_under(world: WorldSpec, shape: Shape) -> DropSpec | None:
-    """The drop that overlaps ``shape`` by more than the tolerance; None if there is none."""
+    """Return the drop that overlaps ``shape`` by more than the tolerance; None if there is none."""
     overlapping = (
         drop
         for drop in world.drops
@@ -279,7 +279,7 @@ def drop_under(world: WorldSpec, shape: Shape) -> DropSpec | None:
 
 
 def fallen_into(world: WorldSpec, points: Array) -> str | None:
-    """Name of the drop that the robot has fallen into; None while it stands.
+    """Return the name of the drop that the robot has fallen into; None while it stands.
 
     ``points`` (N, 3) [m] are the robot's support points: below wheels and casters.
     """

@@ -38,7 +38,7 @@ _STAND_OFF = 0.006
 
 
 def plate_mesh(mark: worldspec.LandmarkPlateSpec) -> TexturedMesh:
-    """The plate of ``mark`` as a mesh in ``map``, its image upright as seen from in front of it."""
+    """Return the plate of ``mark`` as a mesh in ``map``, its image upright from the front."""
     right, normal = plate_axes(mark)
     half = 0.5 * plate_side(mark.kind, mark.size)
     middle = np.array([*mark.at, mark.z]) + _STAND_OFF * normal
@@ -52,7 +52,7 @@ def plate_mesh(mark: worldspec.LandmarkPlateSpec) -> TexturedMesh:
 
 
 def plate_bounds(mark: worldspec.LandmarkPlateSpec) -> PartBounds:
-    """The plate's bounds in the plane, and the plane in front of which it is visible."""
+    """Return the plate's bounds in the plane, and the plane in front of which it is visible."""
     _, normal = plate_axes(mark)
     points = np.array(plate_mesh(mark).vertices)
     plane = (float(normal[0]), float(normal[1]), 0.0, float(product(points[0], normal)))
@@ -166,7 +166,7 @@ def wall_patches(world: worldspec.WorldSpec, wall: solids.Solid) -> Iterator[Sur
 
 
 def _frame_patches(frame: worldspec.DoorFrameSpec, lintel: solids.Solid) -> Iterator[SurfacePatch]:
-    """The posts and the head of the frame of the opening below a lintel."""
+    """Yield the posts and the head of the frame of the opening below a lintel."""
     gap, width = lintel.shape, frame.width
     assert isinstance(gap, Rectangle)  # noqa: S101 - lintels are
     deep = 2.0 * (gap.half_y + _PROUD)
@@ -214,7 +214,7 @@ def _tread_patches(tread: solids.Tread, texture: str, walls: str) -> Iterator[Su
 def _patches(
     texture: str, corner: Array, right: Array, up: Array, columns: Array, rows: Array
 ) -> Iterator[SurfacePatch]:
-    """A face, split at all ``columns`` and ``rows`` [m]."""
+    """Yield a face, split at all ``columns`` and ``rows`` [m]."""
     for across, above in itertools.product(pairwise(columns), pairwise(rows)):
         yield _patch(texture, corner, right, up, across, above)
 
@@ -240,7 +240,7 @@ def solid_patches(solid: solids.Solid) -> Iterator[SurfacePatch]:
 
 @lru_cache(maxsize=1024)
 def solid_mesh(solid: solids.Solid, margin: float = 0.0, front: bool | None = None) -> TexturedMesh:
-    """The mesh of a solid around its own centre, enlarged by ``margin`` [m] on all sides.
+    """Return the mesh of a solid around its own centre, enlarged by ``margin`` [m] on all sides.
 
     ``front`` True gives only its front, False all but the front, None everything.
     """

@@ -57,7 +57,7 @@ def _passed_share(frequency: Array, finest: float) -> Array:
 
 
 def _filtered(pattern: Array, amplitudes: Array) -> Array:
-    """The periodic ``pattern`` with its real Fourier transform times ``amplitudes``."""
+    """Return the periodic ``pattern`` with its real Fourier transform times ``amplitudes``."""
     return np.fft.irfft2(np.fft.rfft2(pattern) * amplitudes, s=pattern.shape)
 
 
@@ -111,7 +111,7 @@ def _rug(rng: np.random.Generator) -> Array:
 
 
 def _brick(rng: np.random.Generator) -> Array:
-    """A running bond of 8 x 16 bricks with bright joints; each brick has a brightness."""
+    """Return a running bond of 8 x 16 bricks with bright joints; each brick has a brightness."""
     pattern = np.empty((RESOLUTION, RESOLUTION))
     joint = max(RESOLUTION // 90, 1)
     for course, (top, bottom) in enumerate(pairwise(_edges(16))):
@@ -197,7 +197,7 @@ def synthesize(spec: TextureSpec) -> Image:
 
 
 def luminance_pattern(spec: TextureSpec) -> Array:
-    """The texture's luminance (RESOLUTION, RESOLUTION) [grey levels] before rounding and tint."""
+    """Return a texture's luminance (RESOLUTION, RESOLUTION) [grey levels], unrounded, untinted."""
     rng = np.random.default_rng([spec.seed, sum(map(ord, spec.style))])
     raw = _STYLES[spec.style](rng)
     smooth = _filtered(raw, _passed_band(spec.finest))
@@ -287,7 +287,7 @@ def covered_area(picture: Image, size: float | None) -> tuple[float, float]:
 
 @cached_by_files(_MAX_KEPT)
 def picture_texture(spec: TextureSpec) -> Image:
-    """The texels (height, width, 3) of a texture with a picture, RGB, without aliasing detail."""
+    """Return the texels (height, width, 3), RGB, of a texture with a picture, antialiased."""
     assert spec.picture is not None  # noqa: S101 - the caller has tested it
     picture = read_picture(spec.picture)
     area = covered_area(picture, spec.size)

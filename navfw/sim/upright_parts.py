@@ -77,7 +77,7 @@ class _SectionGrid:
 
     @classmethod
     def around(cls, points: Array) -> _SectionGrid:
-        """The grid around points (..., 2) [m]."""
+        """Return the grid around points (..., 2) [m]."""
         low, high = (f(points.reshape(-1, 2), axis=0) for f in (np.min, np.max))
         cell = max(_CELL, float((high - low).max()) / _CELLS)
         columns, rows = (np.ceil((high - low) / cell).astype(int) + 1).tolist()

@@ -44,7 +44,7 @@ class PartBounds:
         direction: float = 0.0,
         plane: tuple[float, float, float, float] | None = None,
     ) -> PartBounds:
-        """The bounding rectangle of points (N, 2 or more), with sides along ``direction`` [rad]."""
+        """Return the rectangle around points (N, 2 or more), sides along ``direction`` [rad]."""
         c, s = math.cos(direction), math.sin(direction)
         turn = np.array([[c, s], [-s, c]])
         turned = product(points[:, :2], turn.T)
@@ -100,7 +100,7 @@ def field_of_view(axes: Array, right: float, down: float) -> tuple[float, float]
 
 @numba.njit(cache=True)
 def _wrapped(angle: float) -> float:
-    """``angle`` [rad] in [-pi, pi)."""
+    """Return ``angle`` [rad] in [-pi, pi)."""
     return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
 
 
@@ -164,7 +164,7 @@ def _covered(low: float, high: float, spans: Array, count: int) -> bool:
 
 @numba.njit(cache=True)
 def _within_view(low: float, high: float, off: float, half: float) -> tuple[float, float]:
-    """The part of the bearings low ... high within ``half`` of ``off``; inf, -inf if none.
+    """Return the part of the bearings low ... high within ``half`` of ``off``; inf, -inf if none.
 
     All of them where they reach the field of view across the wrap at pi.
     """

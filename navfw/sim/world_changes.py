@@ -251,7 +251,7 @@ class WorldChanges:
         self.settled = wanted.keys() == self._present.keys() and not waiting
 
     def track(self) -> ChangeTrack:
-        """The solids inserted or removed so far; doors without a change are not included."""
+        """Return the solids inserted or removed so far; doors without a change are not included."""
         still = [
             Presence(name, solid.shape, self._begins[name], math.inf)
             for name, solid in self._present.items()
@@ -260,7 +260,7 @@ class WorldChanges:
         return ChangeTrack((*self._past, *still))
 
     def _place(self, obstacle: Obstacle, robot: Pose) -> Solid | None:
-        """The obstacle as a solid; None while its place is above a drop."""
+        """Return the obstacle as a solid; None while its place is above a drop."""
         x, y = obstacle.at or robot.to_parent(obstacle.ahead or 0.0, 0.0)
         shape = obstacle.footprint(x, y)
         if drop_under(self._world, shape) is not None:
@@ -270,7 +270,7 @@ class WorldChanges:
 
 
 def _blanked(world: WorldSpec, change: Textureless) -> list[Solid]:
-    """The solids to cover: whole boxes and cylinders, the parts of walls within the area.
+    """Return the solids to cover: whole boxes and cylinders, the parts of walls within the area.
 
     Meshes keep their texture: their upright parts would hide their shape.
     """
@@ -299,7 +299,7 @@ def _inside(point: tuple[float, float], change: Textureless) -> bool:
 def _stretch_within(
     wall: Rectangle, x: tuple[float, float] | None, y: tuple[float, float] | None
 ) -> Rectangle | None:
-    """The part of a wall piece whose centre line is within an area; None when there is none.
+    """Return the part of a wall piece whose centre line is within an area; None when there is none.
 
     >>> _stretch_within(Rectangle(0.0, 0.0, 3.0, 0.05), (1.0, 9.0), None)
     Rectangle(x=2.0, y=0.0, half_x=1.0, half_y=0.05, yaw=0.0)

@@ -58,7 +58,7 @@ def _landmarks(world: WorldSpec) -> Iterator[Problem]:
 def _mounting_problems(
     mark: LandmarkPlateSpec, index: int, half: float, solids: Sequence[Solid]
 ) -> Iterator[Problem]:
-    """A plate inside a solid, or without a supporting face behind both of its ends.
+    """Yield a plate inside a solid, or without a supporting face behind both of its ends.
 
     ``half`` is half the plate's side [m].
     """
@@ -90,7 +90,7 @@ def _mounting_problems(
 
 
 def _advice(mark: LandmarkPlateSpec, solids: Sequence[Solid]) -> str:
-    """The nearest solid that the plate could be mounted on."""
+    """Return the nearest solid that the plate could be mounted on."""
     flat = [solid for solid in solids if isinstance(solid.shape, Rectangle)]
     if not flat:
         return "set free: true if it stands by itself"

@@ -53,7 +53,7 @@ def _ask_about_units(document: YamlDocument) -> None:
 
 
 def _extent(item: object) -> float:
-    """The largest length or coordinate [m] of a wall or solid; 0 for anything else."""
+    """Return the largest length or coordinate [m] of a wall or solid; 0 for anything else."""
     values = [item.get(key) for key in _LENGTHS] if isinstance(item, dict) else []
     for _ in range(2):  # points are lists in a list
         values = [v for value in values for v in (value if isinstance(value, list) else [value])]

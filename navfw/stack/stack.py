@@ -309,7 +309,7 @@ class Stack:
             return self.growth.corrected(belief, odometry)
 
     def _plan(self, belief: Belief) -> Waypoint | None:
-        """The waypoint to head for; None at the end, and as long as the robot is lost.
+        """Return the waypoint to head for; None at the end, and as long as the robot is lost.
 
         From a pose that is a guess the planner would pass waypoints that the robot never reached.
         """

@@ -124,7 +124,7 @@ class Case:
         return {**self.key._asdict(), "family": self.family, "difficulty": difficulty}
 
     def fault(self, reason: str, cause: Cause) -> RunRow:
-        """The row of a run that ended without a result; its outcome is ``fault``."""
+        """Return the row of a run that ended without a result; its outcome is ``fault``."""
         reason = " ".join(reason.split())
         return RunRow(**self.columns, outcome=Outcome.FAULT, reason=reason, cause=cause.value)
 
@@ -180,7 +180,7 @@ class Case:
         return worldgen.generate(self.family, seed, difficulty, self.contrast, self.look)
 
     def _generated(self) -> tuple[WorldSpec, MissionFile]:
-        """The world of ``family`` and ``seed``, and its mission with ``overrides``."""
+        """Return the world of ``family`` and ``seed``, and its mission with ``overrides``."""
         from navfw.config.document import parse_yaml
         from navfw.config.overrides import apply_overrides
         from navfw.missions.missionfile import mission_in, with_task

@@ -162,7 +162,7 @@ class DaskEngine:
 
 @cache
 def worker_identity() -> dict[str, str]:
-    """The versions of navfw and of its libraries on this machine, and its installed plugins.
+    """Return the versions of navfw and of its libraries on this machine, and its installed plugins.
 
     ``plugins`` lists those of other installed packages, as ``kind name``, separated by commas.
     """

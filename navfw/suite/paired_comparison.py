@@ -137,7 +137,7 @@ def paired_changes(pairs: Sequence[RunPair]) -> dict[str, list[RunPair]]:
 
 
 def _loss(pair: RunPair) -> tuple[bool, float]:
-    """A key that sorts the worst pairs first: new collisions, then the loss of SPL."""
+    """Return a key that sorts the worst pairs first: new collisions, then the loss of SPL."""
     return not (pair.b.collisions and not pair.a.collisions), pair.spl_difference
 
 
@@ -217,7 +217,7 @@ def compare_tables(first: Sequence[RunRow], second: Sequence[RunRow]) -> dict[st
 
 
 def _numbers(pairs: Sequence[RunPair]) -> dict[str, Any]:
-    """The comparison of ``pairs``, at least one."""
+    """Return the comparison of ``pairs``, at least one."""
     changes = paired_changes(pairs)
     lost, gained, count = len(changes["lost"]), len(changes["gained"]), len(pairs)
     both = [pair for pair in pairs if pair.a.succeeded and pair.b.succeeded]
@@ -304,7 +304,7 @@ def _pair_rows(compared: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
 def _difference(
     value: float, ends: tuple[float, float] | None, factor: float, digits: int, unit: str = ""
 ) -> str:
-    """A difference with its interval, if it has one."""
+    """Return a difference with its interval, if it has one."""
     text = f"{factor * value:+.{digits}f}{unit}"
     if ends is None:
         return text

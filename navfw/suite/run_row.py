@@ -64,7 +64,7 @@ class RunKey(NamedTuple):
 
 
 def _of(source: Callable[[MissionResult], V], missing: V) -> V:
-    """A column from ``source``; ``missing`` in the row of a run without a result."""
+    """Return a column from ``source``; ``missing`` in the row of a run without a result."""
     return field(default=missing, metadata={"source": source})
 
 
@@ -84,7 +84,7 @@ def sct(succeeded: bool, time: float, shortest: float, max_speed: float) -> floa
 
 
 def barn_score(succeeded: bool, time: float, path: float) -> float:
-    """The BARN challenge's score of a run, 0 to 0.5: success x OT / clip(AT, 2 OT, 8 OT).
+    """Return the BARN challenge's score of a run, 0 to 0.5: success x OT / clip(AT, 2 OT, 8 OT).
 
     OT is the time for the length [m] of the reference ``path`` at 2 m/s, AT the ``time`` [s] from
     the first 0.1 m to within 1 m of the goal (``run_metrics.traversal_time``). The best score is
@@ -126,7 +126,7 @@ def _explored(run: MissionResult, name: str) -> float | None:
 
 
 def _unexplored(run: MissionResult) -> str:
-    """The largest regions that an exploration left, as text."""
+    """Return the largest regions that an exploration left, as text."""
     left = () if run.exploration is None else run.exploration.unexplored[:_LEFT_SHOWN]
     return "; ".join(f"{r.area:.1f} m2 at ({r.x:.1f}, {r.y:.1f}): {r.why}" for r in left)
 
@@ -257,14 +257,14 @@ _AGAIN = "--restart drives the suite again"
 
 
 def columns_of(rows: Iterable[RunRow]) -> tuple[str, ...]:
-    """The columns of a table of ``rows``, without those of ``OPTIONAL`` that are empty in all."""
+    """Return the columns of a table of ``rows``, without empty ones among ``OPTIONAL``."""
     rows = list(rows)
     unused = {name for name in OPTIONAL if not any(getattr(row, name) for row in rows)}
     return tuple(name for name in COLUMNS if name not in unused)
 
 
 def table_cells(rows: Iterable[RunRow]) -> list[list[str]]:
-    """The cells of the table as text, header row first; floats keep every digit, None is empty."""
+    """Return the table's cells as text, header first; floats keep every digit, None is empty."""
     rows = list(rows)
     columns = columns_of(rows)
     return [list(columns), *([_cell(getattr(row, name)) for name in columns] for row in rows)]
@@ -326,7 +326,7 @@ class RunJournal:
         return list(itertools.chain.from_iterable(by_content.values()))
 
     def _row(self, cells: str) -> RunRow:
-        """The row with these cells by column; an empty or missing one has its default."""
+        """Return the row with these cells by column; an empty or missing one has its default."""
         try:
             texts = json.loads(cells).items()
             row = _ADAPTER.validate_python({n: text for n, text in texts if text or n in _REQUIRED})

@@ -82,7 +82,7 @@ class SuiteFolder:
         return is_file(self.journal.file) or is_file(self.table)
 
     def recording(self, row: RunRow) -> Path:
-        """The folder of the recording of ``row``; it exists only if the suite kept it."""
+        """Return the folder of the recording of ``row``; it exists only if the suite kept it."""
         name = row.key.file_name(generated=bool(row.family))
         return self.path / RECORDINGS / name
 

@@ -95,5 +95,5 @@ class SuiteFrame(pandas.DataFrame):  # type: ignore[misc] # pandas has no types
         return brief_table(summarize(self.rows)).markdown()
 
     def summary_latex(self) -> str:
-        """The table of ``summary_markdown`` as LaTeX; it needs the package booktabs."""
+        """Return the table of ``summary_markdown`` as LaTeX; it needs the package booktabs."""
         return brief_table(summarize(self.rows)).latex()

@@ -133,7 +133,7 @@ def plan_runs(
 def _templates(
     suite: Suite, worlds: Path | None, variants: Mapping[str, VariantSpec]
 ) -> list[tuple[int, Case]]:
-    """A case for each entry, by its index, with each mission and variant."""
+    """Return a case for each entry, by its index, with each mission and variant."""
     if worlds is not None and all(entry.worlds is None for entry in suite.spec.entries):
         what = f"the suite {suite.name!r} has no entry that takes a folder of worlds"
         raise InputError(what, key="--worlds")
@@ -220,7 +220,7 @@ def _check_case(
 
 
 def _code_of(plugin: type) -> Iterator[Path]:
-    """The file of ``plugin``, and what it may import or read beside it; none of navfw's own.
+    """Yield the file of ``plugin``, and what it may import or read beside it; none of navfw's own.
 
     For navfw's code the revision stands.
     """
@@ -234,7 +234,7 @@ def _code_of(plugin: type) -> Iterator[Path]:
 
 
 def _lasting_name(file: Path, case: Case) -> str:
-    """A name of ``file`` that stays when the project, its worlds or navfw are moved."""
+    """Return a name of ``file`` that stays when the project, its worlds or navfw are moved."""
     places = [project_folder(), shipped_folder(), Path(__file__).parents[2]]
     inside = [file.relative_to(at).as_posix() for at in places if at and file.is_relative_to(at)]
     world = Path(case.world).parent
@@ -256,7 +256,7 @@ def _valid_without_variant(suite: Suite, index: int, case: Case, registry: Regis
 def _chosen_variants(
     suite: Suite, wanted: Sequence[str], stacks: Sequence[str]
 ) -> dict[str, VariantSpec]:
-    """The variants to run, by name, in the suite's order."""
+    """Return the variants to run, by name, in the suite's order."""
     for name in wanted:
         if name not in suite.spec.variants:
             raise UnknownNameError("variant", name, suite.spec.variants, key="--variant")
@@ -269,7 +269,7 @@ def _chosen_variants(
 
 
 def _stack_of(suite: Suite, index: int, variant: str = "") -> Path | None:
-    """The stack of the variant, else of the entry; None: the mission's, not known yet.
+    """Return the stack of the variant, else of the entry; None: the mission's, not known yet.
 
     Errors have the suite's file, line and key.
     """
@@ -326,7 +326,7 @@ def case_templates(suite: Suite, index: int, worlds: Path | None = None) -> list
 
 
 def _world_files(folder: Path) -> list[Path]:
-    """The worlds in a folder, or the one whose own folder it is; world-2 before world-10."""
+    """Return the worlds in a folder, or the one whose own folder it is; world-2 before world-10."""
     if is_file(folder / "world.yaml"):
         return [folder / "world.yaml"]
     files = sorted(folder.glob("*/world.yaml"), key=lambda file: _natural(file.parent.name))

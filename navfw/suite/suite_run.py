@@ -46,7 +46,7 @@ class Engine(Protocol):
 def engine_for(
     cases: Sequence[Case], scheduler: str | None, workers: int, limit: float, memory: float
 ) -> contextlib.AbstractContextManager[Engine]:
-    """The engine for ``cases``: a Dask ``scheduler`` address, else ``workers`` local processes.
+    """Return the engine for ``cases``: a Dask ``scheduler`` address, else ``workers`` processes.
 
     ``limit`` [s] and ``memory`` [MB] bound a run's wall time and its process's memory.
 

@@ -63,12 +63,12 @@ def summarize(rows: Sequence[RunRow], expect: Mapping[str, Expect] | None = None
 
 
 def _hazards(row: RunRow) -> list[str]:
-    """The hazards of the run's world."""
+    """Return the hazards of the run's world."""
     return row.hazards.split(", ") if row.hazards else []
 
 
 def _by_variant(rows: Sequence[RunRow]) -> dict[str, Any]:
-    """The summary of each variant, in the order of the table."""
+    """Return the summary of each variant, in the order of the table."""
     by_variant: dict[str, list[RunRow]] = {}
     for row in rows:
         by_variant.setdefault(row.variant, []).append(row)
@@ -85,7 +85,7 @@ def _by_variant(rows: Sequence[RunRow]) -> dict[str, Any]:
 
 
 def _run(row: RunRow) -> tuple[str, str, str, int]:
-    """The columns that identify a run across variants."""
+    """Return the columns that identify a run across variants."""
     return row.entry, row.world, row.mission, row.seed
 
 
@@ -143,7 +143,7 @@ def _numbers(rows: Sequence[RunRow]) -> dict[str, Any]:
 
 
 def equal_configurations(rows: Sequence[RunRow]) -> list[list[str]]:
-    """Groups of two or more variants, or stacks, that drove equal commands in all runs."""
+    """Return groups of two or more variants, or stacks, that drove equal commands in all runs."""
     driven: dict[str, dict[tuple[str, str, str, int], str]] = {}
     for row in rows:
         driven.setdefault(row.configuration, {})[_run(row)] = row.command_hash
@@ -161,7 +161,7 @@ def _counts(words: Iterable[str]) -> dict[str, int]:
 def _reduced(
     values: Iterable[float | None], by: Callable[[list[float]], float] = fmean
 ) -> float | None:
-    """The mean, or what else ``by`` gives, of those that are not None."""
+    """Return the mean, or what else ``by`` gives, of those that are not None."""
     numbers = [value for value in values if value is not None]
     return by(numbers) if numbers else None
 
@@ -196,7 +196,7 @@ _BRIEF = {"runs", "success [95 %]", "collided", "mean SPL", "mean time", "faults
 
 
 def summary_table(summary: Mapping[str, Any]) -> ResultTable:
-    """The summary to print: a row for each entry, then each stack, variant and hazard, then all.
+    """Return the summary to print: a row for each entry, then stack, variant, hazard, then all.
 
     The row of all is left out if it would be the second. Columns without a value are left out.
     The last column is ``passes`` if an entry has ``expect``.
@@ -248,7 +248,7 @@ def _variant_table(summary: Mapping[str, Any], columns: Sequence[Column]) -> Res
 
 
 def _success(figures: Mapping[str, Any], digits: int) -> str:
-    """The share of runs that succeeded, with its interval; of few runs their number."""
+    """Return the share of runs that succeeded, with its interval; of few runs their number."""
     if "skipped" in figures:
         return f"skipped: {figures['skipped']}"
     if figures["missions"] < MIN_RUNS:

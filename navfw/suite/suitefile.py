@@ -207,7 +207,7 @@ class VariantSpec(StrictModel):
 
 
 def lacking_packages(variants: Mapping[str, VariantSpec]) -> dict[str, str]:
-    """The variants whose package is not installed: the reason, by name of the variant."""
+    """Return the variants whose package is not installed: the reason, by name of the variant."""
     return {
         name: f"needs {variant.package}, which is not installed"
         for name, variant in variants.items()

@@ -140,7 +140,7 @@ def _of_mission(text: str) -> bool:
 
 
 def _showing(case: Case, spec: TaughtSpec, world: Path, registry: Registry) -> Session:
-    """The session of the drive that shows the world."""
+    """Return the session of the drive that shows the world."""
     texts, seed = [text for text in case.overrides if _of_mission(text)], case.world_seed
     if spec.source == "explore":
         texts.append(f"mission.explore={json.dumps({'limit': _LIMIT})}")
@@ -169,7 +169,7 @@ def _tour(topo_map: TopoMap, start: Pose, seed: int) -> Iterator[str]:
 
 
 def _map_of(session: Session, spec: TaughtSpec, name: str) -> TopoMap:
-    """The map that the drive of ``session`` gives, however it ends, laid over the world.
+    """Return the map that the drive of ``session`` gives, however it ends, laid over the world.
 
     The frame of a map is where its drive began: laid over the world by the true poses at its key
     poses, its coordinates are the world's but for what is bent.
@@ -195,7 +195,7 @@ def _map_of(session: Session, spec: TaughtSpec, name: str) -> TopoMap:
 
 
 def _placed(topo_map: TopoMap, frame: Pose) -> TopoMap:
-    """The map with its frame at ``frame``."""
+    """Return the map with its frame at ``frame``."""
 
     def at(thing: Any) -> dict[str, Any]:
         return dict(zip("xy", frame.to_parent(thing.x, thing.y), strict=True))
@@ -213,7 +213,7 @@ def _placed(topo_map: TopoMap, frame: Pose) -> TopoMap:
 def _moved(
     world: WorldSpec, share: float, seed: int, ends: tuple[Place, Place], robot: RobotModel
 ) -> WorldSpec:
-    """The world with a ``share`` of its furniture moved, and still a path between ``ends``.
+    """Return the world with a ``share`` of its furniture moved, and still a path between ``ends``.
 
     What stands at one point is moved together; what hangs on a wall stays.
     """

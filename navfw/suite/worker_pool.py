@@ -156,7 +156,7 @@ class WorkerPool(Generic[JobT, ResultT]):
             raise KeyboardInterrupt
 
     def _begun(self, job: JobT, busy: set[_Worker]) -> _Worker:
-        """A worker that has begun the ``job``: one that is idle, or a new one."""
+        """Return a worker that has begun the ``job``: one that is idle, or a new one."""
         for worker in [worker for worker in self._all if worker not in busy]:
             if worker.jobs < self.recycle and worker.begin(job):
                 return worker

@@ -87,7 +87,7 @@ _OF_PROJECT = ("maps", "stacks", "robots", "behaviors", "plugins")
 
 
 def _inputs(case: MissionCase) -> tuple[str, list[Path]]:
-    """The hash of the inputs of ``case``, and the files and folders that it covers.
+    """Return the hash of the inputs of ``case``, and the files and folders that it covers.
 
     Raises:
         InputError: there is no such world or mission, or a file of the project cannot be read.
@@ -108,7 +108,7 @@ def _inputs(case: MissionCase) -> tuple[str, list[Path]]:
 
 @cache
 def _installed() -> str:
-    """The hash of navfw's code and files, of all installed versions, and of the machine."""
+    """Return the hash of navfw's code and files, of all installed versions, and of the machine."""
     versions = {dist.name: dist.version for dist in metadata.distributions()}
     return fingerprint([code_fingerprint(), versions, machine_kind()])
 

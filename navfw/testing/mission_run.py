@@ -135,7 +135,7 @@ def drive(case: MissionCase) -> MissionResult:
 
 
 def properties(run: MissionRun) -> list[tuple[str, str]]:
-    """Names and values of the run for JUnit XML and other reports."""
+    """Return names and values of the run for JUnit XML and other reports."""
     return [
         ("world", run.world),
         ("mission", run.mission),
@@ -182,7 +182,7 @@ def describe(run: MissionRun, saved: list[tuple[str, str]]) -> Iterator[str]:
 
 
 def _decisions(log: RunLog) -> Iterator[str]:
-    """The last times at which another behaviour began to lead."""
+    """Yield the last times at which another behaviour began to lead."""
     ticks = zip(log.time.tolist(), log.leader.tolist(), strict=True)
     spans = [(leader, list(times)) for leader, times in groupby(ticks, key=lambda tick: tick[1])]
     if spans:

@@ -86,7 +86,7 @@ class _Feature:
         return MapError(message, file=self.file, line=self.line, key=key)
 
     def part(self, *path: str) -> dict[str, Any]:
-        """The object at a path of keys; empty where there is none."""
+        """Return the object at a path of keys; empty where there is none."""
         data = self.data
         for key in path:
             data = data.get(key) if isinstance(data, dict) else None
@@ -133,7 +133,7 @@ class _Feature:
         return numbers[0], numbers[1]
 
     def bends(self, frame: LocalFrame) -> float:
-        """Length [m] of the line of an edge with more than two points; NaN of others."""
+        """Return the length [m] of the line of an edge with more than two points; NaN of others."""
         parts: Any = self.part("geometry").get("coordinates")
         parts = [parts] if self.kind == "LineString" else parts
         try:
@@ -206,7 +206,7 @@ def _end_of(edge: _Feature, key: str, places: dict[int, _Feature]) -> _Feature:
 
 
 def _lines_of_features(text: str) -> Iterator[int]:
-    """The lines at which the features begin."""
+    """Yield the lines at which the features begin."""
     at, last, line = text.index("[", text.index('"features"')) + 1, 0, 1
     with suppress(ValueError):  # at the end of the list
         while True:

@@ -33,7 +33,7 @@ class LocalFrame:
     assumed: tuple[Assumption, ...] = ()
 
     def __call__(self, x: float, y: float) -> tuple[float, float]:
-        """The position [m] of a point of the file."""
+        """Return the position [m] of a point of the file."""
         return (x - self.x0) * self.kx, (y - self.y0) * self.ky
 
 

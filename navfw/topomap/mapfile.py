@@ -275,7 +275,7 @@ class MapImporter:
 
 
 def _length(edge: Mapping[str, Any]) -> float:
-    """The length [m] of an edge; infinite where it has none."""
+    """Return the length [m] of an edge; infinite where it has none."""
     length = edge.get("length")
     return length if isinstance(length, int | float) else math.inf
 

@@ -13,7 +13,7 @@ from navfw.topomap.topological_map import TopoMap
 
 
 def nodes_path(document: YamlDocument) -> KeyPath | None:
-    """The path of keys to the nodes; None if the document is no such map."""
+    """Return the path of keys to the nodes; None if the document is no such map."""
     for path in ((), ("nodes",)):
         nodes = document.at(path)
         if isinstance(nodes, list) and nodes and isinstance(nodes[0], dict) and "node" in nodes[0]:

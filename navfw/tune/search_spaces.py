@@ -41,7 +41,7 @@ class TunedNumber:
     now: float
 
     def start(self) -> dict[str, float]:
-        """The number's present value in the stack, by the name of Optuna's parameter."""
+        """Return the number's present value in the stack, by the name of Optuna's parameter."""
         return {self.path: self.now}
 
     def suggest(self, trial: BaseTrial) -> float:
@@ -133,7 +133,7 @@ class TunedVariant:
         return cls(path, texts)
 
     def start(self) -> dict[str, str]:
-        """The first value."""
+        """Return the first value."""
         return {self.path: self.texts[0]}
 
     def suggest(self, trial: BaseTrial) -> object:
@@ -152,7 +152,7 @@ class SearchSpace:
     coordinates: tuple[Coordinate, ...]
 
     def start(self) -> dict[str, float | str]:
-        """The stack as it is, with the first of each variant, as parameters of a trial."""
+        """Return the stack as it is, with the first of each variant, as parameters of a trial."""
         return {k: v for coordinate in self.coordinates for k, v in coordinate.start().items()}
 
     def settings(self, trial: BaseTrial) -> dict[str, object]:
@@ -209,7 +209,7 @@ def _plugin(plugins: Mapping[str, Choice], name: str, key: str) -> Choice:
 
 
 def _numbers(name: str, choice: Choice) -> dict[str, Coordinate]:
-    """The numbers of a plugin's parameters that have both bounds, by path."""
+    """Return the numbers of a plugin's parameters that have both bounds, by path."""
     numbers: dict[str, Coordinate] = {}
     for field, info in choice.plugin.Params.model_fields.items():
         if info.annotation not in (int, float):
@@ -233,7 +233,7 @@ def _numbers(name: str, choice: Choice) -> dict[str, Coordinate]:
 
 
 def _break_points(name: str, choice: Choice, robot: RobotModel) -> dict[str, BreakPoints]:
-    """The inputs of a plugin's rule base that have break points, by name."""
+    """Return the inputs of a plugin's rule base that have break points, by name."""
     made = choice.plugin(robot, choice.params)
     if not isinstance(made, RuledBehavior | RuledComposite):
         raise ConfigError(f"{name} has no rule base of its own", key="--rules")

@@ -114,7 +114,7 @@ def _write_trials(file: Path, study: optuna.Study) -> None:
 
 
 def _write_importance(file: Path, study: optuna.Study) -> bool:
-    """A bar for each coordinate's importance; False with too few trials to tell."""
+    """Return a bar for each coordinate's importance; False with too few trials to tell."""
     import matplotlib as mpl
 
     mpl.use("agg")

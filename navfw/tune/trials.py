@@ -65,11 +65,11 @@ class Objectives:
         return cls({name: weight / total for name, weight in weights.items()})
 
     def score(self, row: RunRow) -> float:
-        """The score of a run, in [0, 1]."""
+        """Return the score of a run, in [0, 1]."""
         return sum(weight * SCORES[name](row) for name, weight in self.weights.items())
 
     def parts(self, rows: Sequence[RunRow]) -> dict[str, float]:
-        """The mean of each score over ``rows``."""
+        """Return the mean of each score over ``rows``."""
         return {name: sum(SCORES[name](row) for row in rows) / len(rows) for name in self.weights}
 
 
@@ -90,7 +90,7 @@ def sampler_and_pruner(seed: int) -> tuple[optuna.samplers.BaseSampler, optuna.p
 
 
 def finished(study: optuna.Study) -> list[FrozenTrial]:
-    """The trials that count: complete or pruned ones."""
+    """Return the trials that count: complete or pruned ones."""
     return study.get_trials(deepcopy=False, states=(TrialState.COMPLETE, TrialState.PRUNED))
 
 

@@ -100,7 +100,7 @@ class Corridors(WorldFamily):
 
 
 def _routes_and_branches(rng: np.random.Generator, difficulty: float) -> CorridorNetwork:
-    """A route with bends, and branches off it."""
+    """Return a route with bends, and branches off it."""
     xs, ys = (np.cumsum(rng.uniform(3.0, 4.6, _NODES)) for _ in range(2))
     lattice = nx.grid_2d_graph(_NODES, _NODES)
     where = {(i, j): (round(float(xs[i]), 3), round(float(ys[j]), 3)) for i, j in lattice}
@@ -127,7 +127,7 @@ def _routes_and_branches(rng: np.random.Generator, difficulty: float) -> Corrido
 
 
 def _bent_walk(rng: np.random.Generator, lattice: nx.Graph, steps: int) -> list[Node]:
-    """A walk of ``steps`` edges that visits no node twice and has at least two bends."""
+    """Return a walk of ``steps`` edges that visits no node twice and has at least two bends."""
     nodes = sorted(lattice.nodes)
     for _ in range(200):
         route = [nodes[int(rng.integers(len(nodes)))]]
@@ -145,7 +145,7 @@ def _bent_walk(rng: np.random.Generator, lattice: nx.Graph, steps: int) -> list[
 
 
 def _area(network: CorridorNetwork, segment: CorridorSegment) -> FloorArea:
-    """The floor of a corridor, up to the far walls of the corridors that it meets."""
+    """Return the floor of a corridor, up to the far walls of the corridors that it meets."""
     half, axis = 0.5 * segment.width, segment.axis
     first, last = network.where[segment.a], network.where[segment.b]
     begin, end = (_reach(network, segment, node) for node in (segment.a, segment.b))
@@ -208,12 +208,12 @@ def _room_behind(door: SideDoor, region: int) -> FloorArea:
 
 
 def _distance(a: FloorArea, b: FloorArea) -> float:
-    """The gap [m] between two areas along an axis; negative where they overlap."""
+    """Return the gap [m] between two areas along an axis; negative where they overlap."""
     return max(a.x[0] - b.x[1], b.x[0] - a.x[1], a.y[0] - b.y[1], b.y[0] - a.y[1])
 
 
 def _shifted(network: CorridorNetwork) -> tuple[CorridorNetwork, tuple[float, float]]:
-    """The same network with the world's corner at the origin, and the world's size [m]."""
+    """Return the same network with the world's corner at the origin, and the world's size [m]."""
     x0 = min(area.x[0] for area in network.areas) - _EDGE
     y0 = min(area.y[0] for area in network.areas) - _EDGE
 

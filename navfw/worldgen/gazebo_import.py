@@ -58,7 +58,7 @@ def _is_barn(content: SdfWorld) -> bool:
 
 
 def reference_length(world_file: Path) -> float | None:
-    """Length [m] of the reference path beside ``world_N.world``, start and goal included.
+    """Return the reference path's length [m] beside ``world_N.world``, with start and goal.
 
     None if there is no file ``path_N.npy``.
 
@@ -162,7 +162,7 @@ def import_world(
 
 
 def _unsupported(path: Path, content: SdfWorld) -> InputError:
-    """The error that lists the unsupported elements, and says where files were looked up."""
+    """Return the error that lists the unsupported elements, and says where files were looked up."""
     lines = content.unsupported[:_MAX_LISTED]
     more = len(content.unsupported) - len(lines)
     what = "\n  ".join(("has unsupported elements:", *lines, *[f"{more} more"] * (more > 0)))
@@ -188,7 +188,7 @@ def _stand_on_floor(content: SdfWorld, ends: Sequence[Goal]) -> None:
 
 
 def _world(path: Path, content: SdfWorld, barn: bool, ends: Sequence[Goal]) -> WorldSpec:
-    """The world with all shapes that extend above the ground."""
+    """Return the world with all shapes that extend above the ground."""
     palette = Palette(np.random.default_rng(zlib.crc32(path.stem.encode())))
     floor, textures = palette.draw("floor"), palette.draw_many("thing", 4)
     levels = [(0.0, POLE_HEIGHT) if barn else (max(s.bottom, 0.0), s.top) for s in content.shapes]
@@ -254,7 +254,7 @@ def _description(path: Path, boxes: int, cylinders: int, meshes: int, barn: bool
 def _bounds(
     shapes: Sequence[Shape], ends: Sequence[Goal]
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """The floor's x and y [m]."""
+    """Return the floor's x and y [m]."""
     points = np.array([(s.x, s.y) for s in shapes] + list(ends))
     reach = np.array([s.reach for s in shapes] + [0.0] * len(ends))[:, None]
     low = (points - reach).min(axis=0) - _BORDER
@@ -282,7 +282,7 @@ def _mission(path: Path, start: Start, goal: Goal, barn: bool) -> MissionSpec:
 
 
 def _shortest_path(path: Path, world: WorldSpec, start: Start, goal: Goal) -> float:
-    """Length of the shortest path of the default robot [m]."""
+    """Return the length of the shortest path of the default robot [m]."""
     plan = SceneGeometry.from_world(world, ROBOT.height)
     try:
         return plan.shortest_path(start[:2], goal, ROBOT.radius)[0]

@@ -57,7 +57,7 @@ _ATTEMPTS = 60
 
 
 def _family(name: str) -> WorldFamily:
-    """The family of that name: a shipped one, or a plugin."""
+    """Return the family of that name: a shipped one, or a plugin."""
     kind = _SHIPPED.get(name)
     if kind is None:
         from navfw.plugins import default_registry
@@ -134,7 +134,7 @@ def _with_surfaces(
 
 
 def _shortest_path(draft: WorldDraft) -> float:
-    """Length [m] of the shortest path for the default robot; raises Unsuitable."""
+    """Return the length [m] of the shortest path for the default robot; raises Unsuitable."""
     plan, start = draft.geometry(), draft.start[:2]
     try:
         # with the margin first: a path that only just fits does not count

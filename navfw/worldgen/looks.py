@@ -165,7 +165,7 @@ def with_look(world: worldspec.WorldSpec, look: worldspec.Look, seed: int) -> wo
 
 
 def _drawn(rng: np.random.Generator, look: worldspec.Look, role: Role) -> worldspec.TextureSpec:
-    """A random texture of a look for a role."""
+    """Return a random texture of a look for a role."""
     surfaces = _SURFACES[look][role]
     surface = surfaces[int(rng.integers(len(surfaces)))]
     return worldspec.TextureSpec(

@@ -78,7 +78,7 @@ def _middle(cell: Cell, size: float) -> Point:
 
 
 def _ends(rng: np.random.Generator, maze: nx.Graph, cell: float) -> tuple[Cell, Cell]:
-    """A corner cell, and one of the farthest cells within ``_MAX_PATH`` of it."""
+    """Return a corner cell, and one of the farthest cells within ``_MAX_PATH`` of it."""
     cells = sorted(maze.nodes)
     corners = [c for c in cells if c[0] in (0, cells[-1][0]) and c[1] in (0, cells[-1][1])]
     start = corners[int(rng.integers(len(corners)))]

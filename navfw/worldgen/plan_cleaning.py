@@ -171,7 +171,7 @@ def _pieces(free: Mask, away: Array, need: float) -> _Labels:
 
 
 def _piece_at(plan: OccupancyMap, labels: _Labels, areas: Array, point: Point) -> int:
-    """The piece with the point; raises InputError if there is none."""
+    """Return the piece with the point; raises InputError if there is none."""
     rows, columns = np.nonzero(labels)
     centres = plan.centres(rows, columns)
     away = np.hypot(centres[:, 0] - point[0], centres[:, 1] - point[1])

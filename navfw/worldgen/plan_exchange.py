@@ -207,7 +207,7 @@ def import_plan(
 
 
 def _in_map(plan: OccupancyMap, wall: Rectangle) -> Rectangle:
-    """A rectangle given from the plan's corner, in the frame ``map``."""
+    """Return a rectangle given from the plan's corner, in the frame ``map``."""
     x, y = plan.origin.to_parent(wall.x, wall.y)
     return Rectangle(x, y, wall.half_x, wall.half_y, plan.origin.yaw + wall.yaw)
 
@@ -242,7 +242,7 @@ def _world(
 
 
 def _wall(name: str, shape: Rectangle, texture: str) -> WallSpec:
-    """A straight wall along the longer side of a rectangle."""
+    """Return a straight wall along the longer side of a rectangle."""
     half, thick, yaw = shape.half_x, shape.half_y, shape.yaw
     if thick > half:
         half, thick, yaw = thick, half, yaw + 0.5 * math.pi
@@ -322,7 +322,7 @@ def _ways(topo_map: TopoMap) -> list[_Way]:
 
 
 def _with_new_ends(ways: list[_Way], count: int) -> list[_Way]:
-    """The first ``count`` of the ways that have no end in common with those before."""
+    """Return the first ``count`` of the ways that have no end in common with those before."""
     chosen: list[_Way] = []
     for way in ways:
         used = {end for _, *ends in chosen for end in ends}
@@ -332,7 +332,7 @@ def _with_new_ends(ways: list[_Way], count: int) -> list[_Way]:
 
 
 def _mission(topo_map: TopoMap, length: float, start: str, goal: str) -> MissionSpec:
-    """The mission to drive a way, facing along it at its start."""
+    """Return the mission to drive a way, facing along it at its start."""
     route = nx.dijkstra_path(topo_map.graph, start, goal, weight="length")
     at, then = (topo_map.places[name] for name in route[:2])
     yaw = math.atan2(then.y - at.y, then.x - at.x)
@@ -354,7 +354,7 @@ def _from_afar(
 
 
 def _mission_spec(start: str, goal: str, length: float, at: object) -> MissionSpec:
-    """The mission of a way, from the start ``at``."""
+    """Return the mission of a way, from the start ``at``."""
     return MissionSpec.model_validate(
         {
             "description": f"From {start} to {goal}, {length:.1f} m.",

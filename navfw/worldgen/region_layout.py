@@ -53,7 +53,7 @@ class WallLine:
 
 
 def boundary_lines(areas: Sequence[FloorArea]) -> list[WallLine]:
-    """The wall lines between regions, and between regions and their surroundings."""
+    """Return the wall lines between regions, and between regions and their surroundings."""
     xs = np.unique([edge for area in areas for edge in area.x])
     ys = np.unique([edge for area in areas for edge in area.y])
     region = np.zeros((xs.size + 1, ys.size + 1), dtype=np.int64)  # with a border of region 0
@@ -182,7 +182,7 @@ class Roadmap:
         return False
 
     def _simplified(self, path: Array) -> Array:
-        """The path with as few corners as the clearance allows."""
+        """Return the path with as few corners as the clearance allows."""
         kept = [path[0]]
         i = 0
         while i < len(path) - 1:

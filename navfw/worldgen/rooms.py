@@ -284,7 +284,7 @@ def _build_walls(draft: WorldDraft, layout: RoomLayout) -> None:
 
 
 def _far_apart(layout: RoomLayout, rng: np.random.Generator) -> tuple[RoomSpec, RoomSpec]:
-    """A random room, and one of those with the most doors between."""
+    """Return a random room, and one of those with the most doors between."""
     graph = nx.Graph(door.rooms for door in layout.doors)
     start = layout.rooms[int(rng.integers(len(layout.rooms)))]
     doors = nx.single_source_shortest_path_length(graph, start.name)
@@ -294,13 +294,13 @@ def _far_apart(layout: RoomLayout, rng: np.random.Generator) -> tuple[RoomSpec, 
 
 
 def _free_point(draft: WorldDraft, room: RoomSpec) -> Point:
-    """A random point of the room, away from its walls."""
+    """Return a random point of the room, away from its walls."""
     x, y = (draft.rng.uniform(low + 0.75, high - 0.75) for low, high in (room.x, room.y))
     return float(x), float(y)
 
 
 def inner_spans(draft: WorldDraft, room: RoomSpec) -> tuple[Interval, Interval]:
-    """The room's x and y [m] between wall faces; outer walls are on the floor's edge."""
+    """Return the room's x and y [m] between wall faces; outer walls are on the floor's edge."""
 
     def inner(span: Interval, edge: Interval) -> Interval:
         low, high = (WALL if at == end else 0.5 * WALL for at, end in zip(span, edge, strict=True))

@@ -76,7 +76,7 @@ class SdfFiles:
 
 
 def _sdf_name(folder: Path) -> str:
-    """The name of the SDF file of the model in ``folder``: that of the last version."""
+    """Return the name of the SDF file of the model in ``folder``: that of the last version."""
     try:
         files = read_xml(folder / "model.config", "a model.config").findall("sdf")
     except ConfigError:

@@ -222,7 +222,7 @@ class _SdfReader:
             self._parts(solid_mesh(shape.tag, size).corners, shape, pose, model)
 
     def _extent(self, shape: Element) -> list[float]:
-        """The extent (x, y, z) [m] of a shape along its own axes."""
+        """Return the extent (x, y, z) [m] of a shape along its own axes."""
         keys = _SOLIDS[shape.tag].items()
         sizes = [number for key, count in keys for number in self._size(shape, key, count)]
         if shape.tag in {"box", "ellipsoid"}:

@@ -275,7 +275,7 @@ def _check_target(folder: Path) -> None:
 
 
 def _rounded(topo_map: TopoMap, passage: Passage) -> Passage:
-    """The passage with rounded width and length; straight, if it is so within 5 mm."""
+    """Return the passage with rounded width and length; straight, if it is so within 5 mm."""
     end = topo_map.places[passage.b]
     straight = topo_map.places[passage.a].distance(end.x, end.y)
     far = abs(passage.length - straight) > 0.005
