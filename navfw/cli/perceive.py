@@ -298,7 +298,7 @@ def _results(
 
 
 def _pages(given: PerceiveOptions, title: str) -> tuple[PerceivePage | None, PerceiveServer | None]:
-    """The page to write and the live one, as far as they are wanted."""
+    """Return the page to write and the live one, None if they are not wanted."""
     page = server = None
     if given.page is not None:
         from navfw.report.report_page import PerceivePage

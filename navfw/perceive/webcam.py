@@ -1,4 +1,4 @@
-"""Images of a webcam while they come."""
+"""Yield the images of a webcam while they come."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from navfw.process.process_resources import redirected
 
 
 class Webcam(ImageSource):
-    """The webcam ``number`` until it is interrupted; an image has the time at which it came.
+    """Images of the webcam ``number`` until an interruption; each has the time when it came.
 
     With a ``calibration`` lens distortion is removed.
 

@@ -1,4 +1,4 @@
-"""The live page of perceived images: ``navfw perceive --live``."""
+"""Serve the live page of perceived images: ``navfw perceive --live``."""
 
 from __future__ import annotations
 
