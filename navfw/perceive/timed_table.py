@@ -104,11 +104,12 @@ class TimedTable:
         if not rows:
             return
         line, cells = rows[0]
+        header = [cells[0].lstrip("#"), *cells[1:]]
         if _is_number(cells[0]):
-            columns = self._by_position(line, len(cells))
+            header = self._by_position(line, len(cells))
         else:
-            columns = self._by_header(line, [cells[0].lstrip("#"), *cells[1:]])
             del rows[0]
+        columns = self._by_header(line, header)
         for line, cells in rows:
             self.lines.append(line)
             if len(cells) != len(columns):
@@ -171,11 +172,8 @@ class TimedTable:
         usable = np.flatnonzero(np.isfinite(self.array(*self.numbers)).all(axis=1))
         times = self.numbers[TIME][usable]
         for k in np.flatnonzero(np.diff(times) <= 0.0).tolist():
-            raise self.error(
-                f"time {times[k + 1]:.6f} s does not come after {times[k]:.6f} s; sort the rows by "
-                "time",
-                self.lines[usable[k + 1]],
-            )
+            what = f"time {times[k + 1]:.6f} s does not come after {times[k]:.6f} s"
+            raise self.error(f"{what}; sort the rows by time", self.lines[usable[k + 1]])
 
     def error(self, message: str, line: int | None = None, key: str | None = None) -> InputError:
         """Return the error, for the caller to raise, about the table or its ``line``."""
@@ -201,14 +199,14 @@ class TimedTable:
         except csv.Error as error:
             raise self.error(f"is not a CSV file: {error}", reader.line_num) from None
 
-    def _by_position(self, line: int, count: int) -> list[_TimedColumn | None]:
+    def _by_position(self, line: int, count: int) -> list[str]:
+        """Return the names of ``count`` columns without a header, "" for others."""
         columns, needed = self._kind.columns, self._kind.needed
         if count < needed or (count > len(columns) and not self._kind.text):
             optional = f" [, {', '.join(columns[needed:])}]" if columns[needed:] else ""
             what = f"expected {', '.join(columns[:needed])}{optional}"
             raise self.error(f"has {count} columns and no header; {what}", line)
-        used = [(name, 1.0) for name in columns[:count]]
-        return [*used, *[None] * (count - len(used))]
+        return [*columns, *[""] * count][:count]
 
     def _by_header(self, line: int, header: Sequence[str]) -> list[_TimedColumn | None]:
         columns = [self._named(line, word) for word in header]

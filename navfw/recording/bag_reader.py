@@ -23,8 +23,7 @@ from navfw.config.input_file import is_folder, shown_path
 from navfw.errors import ConfigError, NavfwError, UnknownNameError
 from navfw.numerics import Array
 from navfw.process.atomic import scratch_folder
-from navfw.recording.bag_tables import CLOCKS, SensorClock, unwrapped
-from navfw.recording.bag_topics import ROLES, info_topics, topics_of
+from navfw.recording.bag_topics import CLOCKS, ROLES, SensorClock, info_topics, topics_of, unwrapped
 from navfw.recording.cut_bag import is_cut, mended
 from navfw.recording.image_messages import is_film, no_picture
 from navfw.recording.ros_messages import message_types
