@@ -20,6 +20,7 @@ from navfw.perceive.image_times import load_image_times
 from navfw.perceive.motion_record import load_gyro_record
 from navfw.perceive.timed_table import TIME, TIME_NAMES, TableFormat, TimedTable
 from navfw.recording.bag_reader import BagImage
+from navfw.recording.bag_topics import unwrapped
 
 _GYRO, _WHEELS, _TIMES = "gyro.csv", "wheels.csv", "times.csv"
 _SIDES = ("left", "right")
@@ -46,6 +47,7 @@ class FolderDrive:
         if has["wheels"]:
             angles = TimedTable(path / _WHEELS, _ANGLES).array(TIME, *_SIDES)
             angles = angles[np.isfinite(angles).all(axis=1)]
+            angles[:, 1:] = unwrapped(angles[:, 1:])
         self.gyro, self.odometry = np.empty((0, 4)), np.empty((0, 4))
         self.notes, offset = list(self._images.notes), 0.0
         self.assumed = list(self._images.assumed)

@@ -61,7 +61,7 @@ ROLES = {
     "joints": Role(("sensor_msgs/msg/JointState",), "joint_states", _turns, 2),
     "commands": Role(_TWISTS, "cmd_vel", _command, 2),
     "info": Role(("sensor_msgs/msg/CameraInfo",), "camera_info"),
-    "mounts": Role(("tf2_msgs/msg/TFMessage",), "tf_static"),
+    "mounts": Role(("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"), "tf_static"),
 }
 """The roles of topics that are read of a bag."""
 

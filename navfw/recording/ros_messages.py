@@ -43,7 +43,10 @@ _ABSENT = np.array([-1.0, *[0.0] * 8])
 def message_types(*, ros1: bool = False) -> Typestore:
     """Return the message types of ROS 2 Jazzy and navfw's own, or those of ROS 1 Noetic."""
     if ros1:
-        return get_typestore(Stores.ROS1_NOETIC)
+        store = get_typestore(Stores.ROS1_NOETIC)
+        for name in ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"):  # which rosbags leaves out
+            store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", name))
+        return store
     store = get_typestore(Stores.ROS2_JAZZY)
     store.register(get_types_from_msg(SCHEMA, SCHEMA_NAME))
     store.register(get_types_from_msg(DECISION_SCHEMA, DECISION_NAME))

@@ -8,13 +8,15 @@ import numpy as np
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from navfw.numerics import Image
 
 BEGIN = 1_700_000_000_000_000_000
 """Time of the first message [ns]."""
 ROS1, ROS2 = get_typestore(Stores.ROS1_NOETIC), get_typestore(Stores.ROS2_JAZZY)
+for name in ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"):
+    ROS1.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", name))
 KINDS = ("bag", "db3", "mcap")
 """Suffixes of the three formats."""
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bag_samples import ROS2, Sent, blank, fill, imu, odometry, write_bag
+from bag_samples import ROS1, ROS2, Sent, blank, fill, imu, odometry, write_bag
 from bag_swing import YAW, swinging
 from cli_calls import answer, invoke, refusal
 from scipy.spatial.transform import Rotation
@@ -16,9 +16,9 @@ from navfw.recording import Bag
 from navfw.recording.static_frames import AXES, OPTICAL, agreeing_axes, axes_of, axes_text
 
 
-def transform(topic: str, parent: str, child: str, turn: Array) -> Sent:
+def transform(topic: str, parent: str, child: str, turn: Array, types: Any = ROS2) -> Sent:
     """A message with one transform, whose rotation has ``child``'s axes as columns."""
-    link = blank(ROS2, "geometry_msgs/msg/TransformStamped")
+    link = blank(types, "geometry_msgs/msg/TransformStamped")
     x, y, z, w = Rotation.from_matrix(turn).as_quat().tolist()
     rotation = {"x": x, "y": y, "z": z, "w": w}
     names = {"header": {"frame_id": parent}, "child_frame_id": child}
@@ -53,6 +53,14 @@ def test_axes_of_transforms_lead_to_base_link(topic: str, tmp_path: Path) -> Non
     # without base_link both hang on the camera's frame
     bag = Bag(write_bag(tmp_path / "no_base.mcap", [*swinging(TILTED), *mount[1:]]))
     assert yaw_rates(bag) == pytest.approx(np.gradient(YAW, 0.1))
+
+
+@pytest.mark.parametrize("kind", ["tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"])
+def test_transforms_of_ros_1_are_read(kind: str, tmp_path: Path) -> None:
+    mount = transform("/tf", "base_link", "imu", TILTED, ROS1)._replace(kind=kind)
+    bag = Bag(write_bag(tmp_path / "a.bag", [*swinging(TILTED), mount]))
+    assert yaw_rates(bag) == pytest.approx(np.gradient(YAW, 0.1))
+    assert bag.assumed == []
 
 
 def test_axes_by_the_name_of_the_frame_and_by_the_option(tmp_path: Path) -> None:

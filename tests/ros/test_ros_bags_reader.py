@@ -34,6 +34,7 @@ from hypothesis.extra.numpy import arrays
 from navfw.errors import ConfigError, InputError, NavfwError
 from navfw.numerics import Image
 from navfw.recording import Bag, driven_way, ros_image
+from navfw.recording.ros_messages import message_types
 
 COLOURS = np.random.default_rng(4).integers(0, 256, (6, 8, 3)).astype(np.uint8)
 
@@ -176,6 +177,7 @@ def test_nothing_in_a_bag_is_executed(tmp_path: Path, monkeypatch: pytest.Monkey
     def register(*_: object) -> None:
         raise AssertionError("a definition of the bag was used")
 
+    message_types(ros1=True), message_types()
     monkeypatch.setattr("rosbags.typesys.store.Typestore.register", register)
     for kind in KINDS:
         assert len(Bag(drive(kind, tmp_path / kind)).gyro) == 40
