@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from navfw.errors import InputError
+from navfw.errors import InputError, locating
 from navfw.lenses import CameraCalibration
 from navfw.lenses.camera_info import info_text, info_undistortion
 from navfw.numerics import Array
@@ -70,16 +70,17 @@ def unpacked_bag(bag: Bag, pitch: float = 0.0) -> Iterator[BagInputs]:
     with scratch_folder("bag") as folder:
         times = list[float]()
         shape: tuple[int, ...] = ()
-        for number, (name, time, _, message) in enumerate(bag.each_image()):
-            data = message.data
-            if not hasattr(message, "format"):
-                image = deep_image(message, name)
-                shape, data = image.shape, cv2.imencode(".png", image)[1]
-            elif not shape:
-                with suppress(InputError):  # reported when it is its turn
-                    shape = deep_image(message, name).shape
-            (folder / f"{number:06d}.png").write_bytes(bytes(data))
-            times.append(time)
+        with locating(file=bag.file):
+            for number, (name, time, _, message) in enumerate(bag.each_image()):
+                data = message.data
+                if not hasattr(message, "format"):
+                    image = deep_image(message, name)
+                    shape, data = image.shape, cv2.imencode(".png", image)[1]
+                elif not shape:
+                    with suppress(InputError):  # reported when it is its turn
+                        shape = deep_image(message, name).shape
+                (folder / f"{number:06d}.png").write_bytes(bytes(data))
+                times.append(time)
         lens = _lens(bag, shape)
         yield BagInputs(folder, ImageTimes(bag.file, tuple(times), {}), lens, _record(bag, pitch))
 

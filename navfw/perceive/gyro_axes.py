@@ -23,8 +23,8 @@ _TURNS = (0.02, 0.2)
 """Rotation [rad] between the images of a pair from which they are compared, and the largest."""
 _COMPARED = (8, 40)
 """Least and largest number of pairs for a verdict."""
-_DISAGREES = 0.3
-"""Agreement below which a record that no axes put right is doubted."""
+_DISAGREES, _DOUBTED = 0.6, 0.75
+"""Agreement below which a record is not used, and is doubted; 0.88 and 0.90 of two real cars."""
 _APART = 0.3
 """Time [s] after which images are compared that turned less."""
 
@@ -90,10 +90,12 @@ def compared(
             return replace(
                 record, notes=(*record.notes, f"{note}; they would with --imu-axes {text}")
             )
-        note = f"{note}: the rotation is taken from the flow"
         own = [name in record.measured for name in reversed(RATES)]
-        if agreeing_axes(np.where(own, seen, math.nan), measured)[1] >= _DISAGREES:
-            return record
+        agreement = agreeing_axes(np.where(own, seen, math.nan), measured)[1]
+        if agreement >= _DISAGREES:
+            doubts = (note,) if agreement < _DOUBTED else ()
+            return replace(record, notes=(*record.notes, *doubts))
+        note = f"{note}: the rotation is taken from the flow"
         return replace(record, notes=(*record.notes, note), measured=frozenset())
     reason = f"it then turns as the images do (agreement {agreement:.2f} in {len(seen)} pairs)"
     kept = [one for one in record.assumed if not one.what.startswith("axes of")]

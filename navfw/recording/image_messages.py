@@ -14,6 +14,8 @@ from navfw.numerics import Image
 
 BITS = (8, 10, 12, 14, 16)
 """Bits of a camera's pixels; messages keep pixels of more than 8 bits in 16."""
+_MAX_PAD = 256
+"""Bytes behind a row, besides another row, from which on its encoding is wrong: colour as grey."""
 _GREY = cv2.COLOR_GRAY2BGR
 _ENCODINGS: dict[str, tuple[int, int | None, int | None]] = {
     **dict.fromkeys(("mono8", "8UC1", "mono16"), (1, 0, _GREY)),
@@ -86,7 +88,8 @@ def deep_image(message: Any, name: str) -> Any:
     row = channels * width * (2 if is_deep else 1)
     data = np.asarray(message.data, dtype=np.uint8)
     fits = 0 < width * height <= MAX_PIXELS
-    if not (fits and row <= step and step * height <= data.size):
+    fits = fits and row <= step < 2 * row + _MAX_PAD
+    if not (fits and step * height <= data.size):
         what = f"has {data.size} bytes in rows of {step} for {width} x {height} pixels"
         raise ConfigError(f"the image {what} of {coding}", file=name)
     rows = np.ascontiguousarray(data[: step * height].reshape(height, step)[:, :row])

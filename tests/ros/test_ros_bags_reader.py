@@ -109,6 +109,7 @@ def test_a_grey_image_is_the_same_when_it_is_grey_again(grey: Image, pad: int) -
         ({"height": 7}, "has 144 bytes in rows of 24 for 8 x 7"),
         ({"height": 2**32 - 1, "width": 2**32 - 1, "step": 2**32 - 1}, "pixels of bgr8"),
         ({"width": 0}, "for 0 x 6 pixels"),
+        ({"encoding": "mono8", "step": 600, "data": np.zeros(3600, np.uint8)}, "rows of 600 for 8"),
     ],
 )
 def test_an_impossible_image_is_told(fields: dict[str, Any], said: str) -> None:

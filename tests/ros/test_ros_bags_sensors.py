@@ -53,6 +53,13 @@ def test_a_gyro_in_degrees_is_not_taken(tmp_path: Path) -> None:
     assert {view["rotation_deg"]["source"] for view in views} == {"flow"}
 
 
+def test_a_gyro_whose_clock_lags_is_doubted(tmp_path: Path) -> None:
+    late = [imu(0.1 * k - 0.35, (0.0, 0.0, float(rate))) for k, rate in enumerate(RATES)]
+    late = [each._replace(time=0.1 * k, stamp=each.time) for k, each in enumerate(late)]
+    done = invoke("perceive", write_bag(tmp_path / "a.mcap", [*IMAGES, *late]), "--hfov", "90")
+    assert "note: the gyro and the images do not turn alike (agreement 0.7" in done.stderr
+
+
 def test_sensors_are_those_of_the_robot_with_the_images(tmp_path: Path) -> None:
     own = [each._replace(topic=f"/robot2{each.topic}") for each in [*SWINGING, *TURNS]]
     other = [imu(0.05 * k, (0.0, 0.0, -0.4))._replace(topic="/robot1/imu") for k in range(90)]
