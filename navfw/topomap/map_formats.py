@@ -3,7 +3,7 @@
 ``.yaml`` is navfw's own format (``mapfile``), ``.geojson`` that of Nav2's route server
 (``geojson``), ``.graphml`` the XML format of graph tools such as networkx, yEd and Gephi, read and
 written here. All three preserve the whole map; its floor plan is written beside it. ``.tmap2`` of
-ROS' topological_navigation (``tmap``) is read.
+ROS' topological_navigation, and its lists of nodes before that, are read.
 
 In GraphML the values of a place or passage are data of its node or edge, with the keys of the map
 file; landmarks are data of the graph, as JSON, and so is the name of the floor plan's file.
@@ -20,16 +20,16 @@ from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from navfw.config.document import parse_mapping, parse_yaml
+from navfw.config.document import YamlDocument, parse_mapping, parse_yaml
 from navfw.config.foreign_files import line_of, read_xml
 from navfw.config.input_file import parse_json, read_input_text, shown_path
+from navfw.config.yaml_text import Data, KeyPath
 from navfw.errors import MapError, locating
 from navfw.process.atomic import write_text
 from navfw.topomap import mapfile
 from navfw.topomap.geojson import geojson_text, read_geojson
 from navfw.topomap.georeference import local_frame
 from navfw.topomap.occupancy_map import save_ros_map
-from navfw.topomap.tmap import nodes_path, read_tmap
 from navfw.topomap.topological_map import TopoMap
 
 _NUMBERS = {"double": float, "float": float, "int": int, "long": int}
@@ -146,6 +146,43 @@ class _GraphmlReader:
         return MapError(message, file=shown_path(self._path), line=line_of(element), key=key)
 
 
+def _nodes_path(document: YamlDocument) -> KeyPath | None:
+    """Return the path of keys to the nodes; None if the document is no such map."""
+    for path in ((), ("nodes",)):
+        nodes = document.at(path)
+        if isinstance(nodes, list) and nodes and isinstance(nodes[0], dict) and "node" in nodes[0]:
+            return path
+    return None
+
+
+def _read_tmap(document: YamlDocument, path: KeyPath, both_ways: bool) -> TopoMap:
+    """Read the map of topological_navigation whose nodes are at ``path``; all else is left out."""
+    for part in ("translation", "rotation"):
+        moved = document.at(("transformation", part))
+        if isinstance(moved, dict) and any(moved.get(axis, 0.0) for axis in "xyz"):
+            with document.locating(("transformation", part)):
+                raise MapError("expected none: move the nodes into the parent frame")
+    importer = mapfile.MapImporter(document.file or "", both_ways)
+    edges: list[tuple[KeyPath, str, Data]] = []
+    for index in range(len(document.at(path))):
+        where: KeyPath = (*path, index, "node")
+        with document.locating(where):
+            name, at = document.at((*where, "name")), document.at((*where, "pose", "position"))
+            if not isinstance(name, str | int) or not isinstance(at, dict):
+                raise MapError("expected a node with name and pose: {position: {x, y}}")
+        importer.add_place(str(name), at, document.line_of(where) or 1, f"node {name!r}")
+        listed = document.at((*where, "edges"))
+        for number, edge in enumerate(listed if isinstance(listed, list) else ()):
+            edges.append(((*where, "edges", number), str(name), edge))
+    for where, start, edge in edges:
+        with document.locating(where):
+            if not isinstance(edge, dict) or "node" not in edge:
+                raise MapError("expected an edge with the key node")
+        importer.add_edge(start, str(edge["node"]), {}, document.line_of(where) or 1, directed=True)
+    name = document.at(("name",)) or document.at((*path, 0, "meta", "pointset"))
+    return importer.finish(str(name or "graph"))
+
+
 _WRITERS: dict[str, Callable[[TopoMap, str | None], str]] = {
     ".yaml": mapfile.map_text,
     ".yml": mapfile.map_text,
@@ -178,8 +215,8 @@ def load_any_map(
     if path.suffix.lower() in _YAML:
         text, name = read_input_text(path), shown_path(path)
         document = parse_yaml(text, name)
-        if (nodes := nodes_path(document)) is not None:
-            return read_tmap(document, nodes, both_ways)
+        if (nodes := _nodes_path(document)) is not None:
+            return _read_tmap(document, nodes, both_ways)
         if document.at(("image",)) and document.at(("resolution",)):
             what = "is a floor plan of map_server: navfw world import makes a world and map of it"
             raise MapError(what, file=name)
