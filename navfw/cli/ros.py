@@ -237,9 +237,10 @@ def _drive(
                     code = NOT_SAVED
         finally:
             node.close()
-    report = {"notes": node.notes, **said, **driver.outputs.latency()}
+    report = {**said, **driver.outputs.latency()}
     lines = [ended, *(f"  {name} {value}" for name, value in report.items() if value)]
-    print_result({"ended": ended, **report}, lines, json=json)
+    lines += [f"  {note}" for note in node.notes]
+    print_result({"ended": ended, "notes": node.notes, **report}, lines, json=json)
     raise typer.Exit(code)
 
 

@@ -51,10 +51,7 @@ TOPICS: Mapping[str, tuple[str, str]] = {
     "imu": ("sensor_msgs/msg/Imu", "rates; turned to base_link by /tf_static, or by imu_rpy"),
     "joint_states": ("sensor_msgs/msg/JointState", "positions of the wheels"),
     "odom": ("nav_msgs/msg/Odometry", "in place of joint_states, with wheels:=odom"),
-    "landmark_image": (
-        "sensor_msgs/msg/Image",
-        "for stacks that find markers, in full resolution, rectified",
-    ),
+    "landmark_image": ("sensor_msgs/msg/Image", "full resolution, rectified, to find markers"),
     "camera_info": ("sensor_msgs/msg/CameraInfo", "lens of image, also found beside it"),
     "goal_pose": ("geometry_msgs/msg/PoseStamped", "a goal, as of RViz's button"),
     "goal_place": ("std_msgs/msg/String", "a goal by the name of a place"),
@@ -113,7 +110,7 @@ class DriveNode:
         self._held, self._halted = set[str](), False
         self._base: Pose | None = None
         self._image_came = 0.0, 0.0
-        self._sent = math.inf
+        self._sent, self._told = math.inf, ""
         self._sending = threading.Lock()
         self._subscribe(node.parameter("wheels", "joints"))
         self._command: Callable[[bytes], None] = lambda _: None
@@ -214,12 +211,12 @@ class DriveNode:
 
     def _go_to(self, goal: Waypoint) -> bool:
         try:
-            self._stack.planner.start(self._stack.topo_map, [goal])
+            self._stack.head_for([goal])
         except Exception as error:  # a planner may be a plugin
             self._node.note(f"a goal is left out: {error}")
             return False
         self._end_goal(False)
-        self._goals = (goal,)
+        self._goals, self._told = (goal,), ""
         self._node.say(f"to {goal.place or f'({goal.x:.2f}, {goal.y:.2f})'}")
         return True
 
@@ -258,7 +255,7 @@ class DriveNode:
 
     def _cancel(self) -> str:
         self._goals = ()
-        self._stack.planner.start(self._stack.topo_map, [])
+        self._stack.head_for([])
         self._stand()
         return "the goals are dropped"
 
@@ -297,18 +294,20 @@ class DriveNode:
             self._halted = True
         stands = self._held or self._halted or state.fault or state.stuck
         self._send(_STAND if stands else twists[-1], at)
+        ended = self._ended()
         frame = next((reading.frame for reading in readings if reading.frame is not None), None)
         if frame is not None:
             self._watch.tell_rivals()
             came_at, age = self._image_came
             self.outputs.latencies.append(max(0.0, age) + time.monotonic() - came_at)
-            ended = self._ended() or ", ".join(self._held)
             seen_at = self._inputs.stamp_of(state.time)
-            self.outputs.tell(frame, self._base, ended, seen_at)
+            self.outputs.tell(frame, self._base, ended or ", ".join(self._held), seen_at)
             if self._keeper is not None:
                 self._keeper.tell(seen_at)
-        if ended := self._ended():
+        if ended and ended != self._told:
+            self._node.say(ended)
             self._end_goal(ended == "reached")
+        self._told = ended
         return ended if self._options.once and not self._held else ""
 
     @contextmanager

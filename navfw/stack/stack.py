@@ -106,6 +106,11 @@ class Stack:
         self._passage_report: PassageReport | None = None
         self._progress = ProgressWatch()
 
+    def head_for(self, goals: Sequence[Waypoint]) -> None:
+        """Drive to ``goals`` from now on; the rest stays as it is. Raises as the planner does."""
+        self.planner.start(self.topo_map, goals)
+        self.state = replace(self.state, finished=False)
+
     @classmethod
     def load(
         cls,

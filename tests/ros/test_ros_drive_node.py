@@ -166,6 +166,23 @@ def test_a_goal_of_an_action_ends_with_it(
     assert drive.speed < 0.02
 
 
+def test_a_goal_after_another_ends_when_it_is_reached(monkeypatch: pytest.MonkeyPatch) -> None:
+    graph, places, ended_at = Graph(), [0.4, 2.0], list[float]()
+    between(0.0, math.inf, graph, "navfw/status")  # the robot is not told when to end
+
+    def each(drive: GraphDrive) -> None:
+        ended_at.extend([drive.truth.x] if True in drive.node.action_ends else [])
+        drive.node.action_ends.clear()
+        between_images = 0.02 < graph.time - drive.stack.state.time < 0.04
+        if places and between_images and graph.time > 1.0 and len(ended_at) == 2 - len(places):
+            place = {"header": {"frame_id": "map"}, "pose": {"position": {"x": places.pop(0)}}}
+            pose = deserialize_cdr(ros_message(POSE, place), POSE)
+            assert drive.node.begin(SimpleNamespace(pose=pose))
+
+    GraphDrive(graph, monkeypatch, *STRAIGHT, each=each, settings=["mission.timeout=14"]).run()
+    assert ended_at == pytest.approx([0.4, 2.0], abs=0.35)
+
+
 def test_a_corrected_pose_keeps_the_goals(monkeypatch: pytest.MonkeyPatch) -> None:
     graph, sent = Graph(), list[float]()
 

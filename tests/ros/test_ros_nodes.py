@@ -54,6 +54,25 @@ def test_in_lock_step_the_commands_are_those_of_navfw_run(tmp_path: Path) -> Non
     assert json.loads((tmp_path / "drive.json").read_text())["ended"] == "reached"
 
 
+@pytest.mark.thorough
+@pytest.mark.usefixtures("domain")
+def test_two_robots_on_a_graph_go_to_goals_of_their_own_in_lock_step(tmp_path: Path) -> None:
+    with ExitStack() as processes:
+        drivers = []
+        for name, goal in (("one", "2,0"), ("two", "1.5,0.5")):
+            (folder := tmp_path / name).mkdir()
+            start = "--start", "0,0,0", "--namespace", name
+            robot = "sim", "empty", *start, "--pace", "0"
+            drive = "drive", "--map", "empty", *start, "--goal", goal, "--lockstep", "--json"
+            processes.enter_context(started(folder, *robot))
+            drivers.append(processes.enter_context(started(folder, *drive, *SIM_TIME)))
+        assert [driver.wait(200.0) for driver in drivers] == [0, 0]
+    for folder in tmp_path.iterdir():
+        told = json.loads((folder / "drive.json").read_text())
+        assert told["ended"] == "reached"
+        assert not any("nodes publish" in note for note in told["notes"])
+
+
 EXPLORED = ("paper-room", "--explore", "--seed", "1", "--set", "mission.explore.limit=35")
 EXPLORE = ("explore", "--start", "0.9,0.9,0.3", "--limit", "35", "--out-map")
 
