@@ -8,11 +8,12 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from navfw.localmap.cell_arrays import clipped_cells, shifted, without_gaps
 from navfw.localmap.occupancy_grid import HIT_WIDTH, MAX_HEIGHT, MIN_CONFIDENCE, OccupancyGrid
 from navfw.localmap.sensor_kernels import rays_of
-from navfw.numerics import Array
+from navfw.numerics import Array, Mask
 from navfw.signals import Label, Percept, Pose, Stixels
 from navfw.signals.immutability import Frozen
 
@@ -24,6 +25,13 @@ farther before it: rays are sparse."""
 _BLUR = 0.07  # measured
 """Standard deviation [m] that cells and their joining over time add: in generated rooms distances
 that readings had to 0.04 m were off by 0.08 m."""
+_INNER = 0.7  # chosen
+"""Share of an occupied cell, between centres of cells, from which a ray meets it: beside its
+corners obstacles would be seen wider by up to half a cell."""
+_SPREAD, _WIDTH, _LEAST = 1.6, 0.15, 0.1
+"""Distance [m] from which evidence is summed along a ray, since depth there is less exact than a
+cell (derived: 0.02 1/m of nearness are 0.05 m); over which length [m], and the least log-odds in
+its middle (chosen). In ten generated rooms 3 of 100 obstacles more are seen."""
 _HITS = (int(Label.OBSTACLE), int(Label.DROP), int(Label.ABOVE))  # defined
 
 
@@ -147,7 +155,7 @@ class HitRecord:
         ways = np.stack([np.cos(bearings + pose.yaw), np.sin(bearings + pose.yaw)], axis=-1)
         points = np.array((pose.x, pose.y)) + ways[:, None] * steps[:, None]
         at, inside = clipped_cells(points, grid.origin, grid.params.cell, grid.size)
-        occupied = grid.occupied[at] & inside
+        occupied = self._met(points, steps, grid.log_odds[at] * inside) & inside
         seen = without_gaps(grid.observed > 0)[at] & inside & ~occupied
         first = np.where(occupied.any(axis=1), occupied.argmax(axis=1), steps.size)
         ahead = number >= first[:, None]
@@ -164,6 +172,16 @@ class HitRecord:
             sigma = np.where(np.isfinite(ranges), 1.0 / precision.max(axis=1), math.nan)
         sigma[np.isinf(sigma)] = math.nan
         return ViewScan(ranges, sigma, np.minimum(free * step, reach))
+
+    def _met(self, points: Array, steps: Array, log_odds: Array) -> Mask:
+        """Whether rays meet an obstacle at ``points`` (n, m, 2), ``steps`` (m,) [m] away."""
+        grid, count = self._grid, round(_WIDTH / (steps[1] - steps[0]))
+        x, y = np.moveaxis((points - np.array(grid.origin)) / grid.params.cell, -1, 0).astype("f4")
+        inner = cv2.remap(grid.occupied.astype("f4"), x, y, cv2.INTER_LINEAR) > _INNER
+        summed = uniform_filter1d(log_odds, count, axis=1, mode="constant")
+        enough = summed * _WIDTH / grid.params.cell >= grid.params.occupied
+        met: Mask = inner | (enough & (log_odds > _LEAST) & (steps > _SPREAD))
+        return met
 
 
 def _around(layer: Array) -> Array:
