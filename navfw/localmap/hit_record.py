@@ -28,10 +28,11 @@ that readings had to 0.04 m were off by 0.08 m."""
 _INNER = 0.7  # chosen
 """Share of an occupied cell, between centres of cells, from which a ray meets it: beside its
 corners obstacles would be seen wider by up to half a cell."""
-_SPREAD, _WIDTH, _LEAST = 1.6, 0.15, 0.1
-"""Distance [m] from which evidence is summed along a ray, since depth there is less exact than a
-cell (derived: 0.02 1/m of nearness are 0.05 m); over which length [m], and the least log-odds in
-its middle (chosen). In ten generated rooms 3 of 100 obstacles more are seen."""
+_SPREAD = 1.6  # derived
+"""Distance [m] from which evidence is summed along a ray: there 0.02 1/m of nearness, the least
+error, are a cell. In six generated rooms 3 of 100 obstacles more are seen."""
+_WIDTH, _MIN_MIDDLE = 0.15, 0.1  # chosen
+"""Over which length [m] it is summed, and the least log-odds in its middle."""
 _HITS = (int(Label.OBSTACLE), int(Label.DROP), int(Label.ABOVE))  # defined
 
 
@@ -180,7 +181,7 @@ class HitRecord:
         inner = cv2.remap(grid.occupied.astype("f4"), x, y, cv2.INTER_LINEAR) > _INNER
         summed = uniform_filter1d(log_odds, count, axis=1, mode="constant")
         enough = summed * _WIDTH / grid.params.cell >= grid.params.occupied
-        met: Mask = inner | (enough & (log_odds > _LEAST) & (steps > _SPREAD))
+        met: Mask = inner | (enough & (log_odds > _MIN_MIDDLE) & (steps > _SPREAD))
         return met
 
 
