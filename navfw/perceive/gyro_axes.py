@@ -56,10 +56,10 @@ def turns_seen(
                 camera = size.camera(hfov, 1.0, math.radians(options.pitch or 0.0), 1.0)
                 tracks = track_points(past[1], now, size)
                 motion = estimate_egomotion(tracks, camera.focal)
-                found = len(tracks.points) >= MIN_POINTS and motion.kind is not MotionKind.UNKNOWN
+                known = len(tracks.points) >= MIN_POINTS and motion.kind is not MotionKind.UNKNOWN
                 turned = rotation_vector(motion.rotation, camera)
                 most = max(np.linalg.norm(turned), np.linalg.norm(turn))
-                if found and np.linalg.norm(turned) < _TURNS[1] and most > _TURNS[0]:
+                if known and np.linalg.norm(turned) < _TURNS[1] and most > _TURNS[0]:
                     seen.append(turned)
                     measured.append(turn)
             past = item.time, now
