@@ -244,7 +244,7 @@ def _of_other_tools(kind: str, parameters: Sequence[float]) -> str:
     word, numbers = kind.lower(), [float(value) for value in parameters]
     shape = next((shape for shape, words in _SAME.items() if word in words), "")
     match shape, numbers:
-        case "triangle", [a]:
+        case "triangle", [a] | [a, _]:
             numbers = [a, a, a]
         case "trapezoid", [a, b]:
             numbers = [a, a, b, b]

@@ -185,6 +185,7 @@ def test_scaled_conclusions_have_no_control_system(tmp_path: Path) -> None:
         ("trimf: [0, 1, 2]", r"write triangle: \[0, 1, 2\]$"),
         ("Trapezoidal: [0, 1, 2, 2]", r"write trapezoid: \[0, 1, 2, 2\]$"),
         ("singleton: [0.5]", r"write triangle: \[0.5, 0.5, 0.5\]$"),
+        ("spike: [0.5, 1]", r"write triangle: \[0.5, 0.5, 0.5\]$"),
         ("gaussmf: [1, 0.2]", r"gauss: \[1, 0.2\], or, .*MATLAB, gauss: \[0.2, 1\]$"),
         ("sigmf: [1, 4]", r"sigmoid: \[1, 4\], or, .*\[slope, centre\].* sigmoid: \[4, 1\]$"),
         ("gbellmf: [0.5, 2, 1]", r"trapezoid: \[0.25, 0.75, 1.25, 1.75\], the nearest"),
