@@ -7,13 +7,13 @@ Only the elements that a robot on wheels needs are read. A file given as
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator
 from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
 
-import networkx as nx
 import numpy as np
 
 from navfw.config.extras import require_extra
@@ -123,19 +123,22 @@ def _check_tree(
 ) -> None:
     """Check that the joints, whose elements are ``at``, connect all links to one tree."""
     above: dict[str, str] = {}
-    tree = nx.DiGraph((joint.parent, joint.child) for joint in joints.values())
-    tree.add_nodes_from(links)
     for name, joint in joints.items():
         if (first := above.setdefault(joint.child, name)) != name:
             what = f"its child link {joint.child!r} hangs on joint {first!r}; remove one"
             raise element_error(at[name], f"joint {name!r}: {what}")
-    for loop in nx.simple_cycles(tree):
-        last = max((above[link] for link in loop), key=list(joints).index)
-        round_ = ", ".join(link for link in links if link in loop)
-        what = f"closes a loop of the links {round_}; remove it, or another of them"
-        raise element_error(at[last], f"joint {last!r} {what}")
-    roots = [link for link in links if link not in above]
-    root, *others = sorted(roots, key=lambda link: -len(nx.descendants(tree, link)))
+    roots: list[str] = []
+    for link in links:
+        chain = [link]
+        while chain[-1] in above and (parent := joints[above[chain[-1]]].parent) not in chain:
+            chain.append(parent)
+        if chain[-1] in above:
+            loop = chain[chain.index(parent) :]
+            last = max((above[member] for member in loop), key=list(joints).index)
+            what = f"closes a loop of the links {', '.join(loop)}; remove it, or another of them"
+            raise element_error(at[last], f"joint {last!r} {what}")
+        roots.append(chain[-1])
+    root, *others = (name for name, _ in Counter(roots).most_common())
     for other in others:
         what = f"link {other!r} is attached by no joint, and {root!r} is the root: add a joint with"
         raise element_error(links[other], f'{what} <child link="{other}"/>, or remove the link')
@@ -164,13 +167,18 @@ def _let_visuals_collide(links: dict[str, Element], joints: dict[str, UrdfJoint]
     """
     moved = {joint.child: joint for joint in joints.values() if joint.movable}
     carriers = {joint.parent for joint in moved.values()}
-    bodies = nx.Graph((j.parent, j.child) for j in joints.values() if not j.movable)
-    bodies.add_nodes_from(links)
-    for body in nx.connected_components(bodies):
-        turning = [moved[link].kind == "continuous" for link in moved.keys() & body]
-        if turning and not (all(turning) and carriers.isdisjoint(body)):
+    above = {joint.child: joint.parent for joint in joints.values() if not joint.movable}
+    bodies: dict[str, list[str]] = {}
+    for link in links:
+        head = link
+        while head in above:
+            head = above[head]
+        bodies.setdefault(head, []).append(link)
+    for head, body in bodies.items():
+        turns = head in moved and moved[head].kind == "continuous"
+        if head in moved and not (turns and carriers.isdisjoint(body)):
             continue
-        members = [link for name, link in links.items() if name in body]
+        members = [links[name] for name in body]
         if any(member.find("collision") is not None for member in members):
             continue
         for member in members:
