@@ -52,6 +52,7 @@ ALLOWED = """
     config/yaml_text.py:yaml.parse
     perceive/timed_table.py:csv.reader
     perceive/image_sources.py:cv2.VideoCapture
+    perceive/webcam.py:cv2.VideoCapture
     plugins/built_in.py:ast.parse
     plugins/simulator_access.py:ast.parse
     process/atomic.py:unfinished.open
