@@ -9,14 +9,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 LIMITS = {
-    "navfw/, lines of Python": 79565,
+    "navfw/, lines of Python": 79877,
     "navfw/, lines of stubs": 266,
-    "navfw/, lines of scripts, pages, styles and templates": 2448,
+    "navfw/, lines of scripts, pages, styles and templates": 2466,
     "behaviors/, lines of Python": 1582,
     "examples/, lines of Python": 1004,
     "benchmarks/, lines of Python, pages and stubs": 7430,
-    "tests/, lines of Python": 52603,
-    "docs/, words": 44981,
+    "tests/, lines of Python": 53505,
+    "docs/, words": 44988,
     "README.md, words": 900,
     "pyproject.toml, lines": 309,
 }
