@@ -133,13 +133,17 @@ def of_robot(name: str | None) -> tuple[str, ...]:
 
     Raises:
         UnknownNameError: there is no robot of that name.
-        ConfigError: ``name`` is a path, and no such file exists.
+        ConfigError: ``name`` is a path, and no such file exists, or it is a broken URDF.
 
     """
     if name is None:
         return ()
     with locating(key="--robot"):
         file = find("robot", name)
+        if file.suffix.lower() == ".urdf":
+            from navfw.robot.urdf import read_urdf
+
+            read_urdf(file)  # what is wrong with it is no part of the mission
     return (f"robot={json.dumps(name if file.stem == name else str(file.absolute()))}",)
 
 

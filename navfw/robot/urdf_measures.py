@@ -110,7 +110,7 @@ def measured(model: UrdfModel, said: dict[str, Any]) -> dict[str, Any]:
 
     """
     left, right = _sides(model, said)
-    wheels = [model.joints[name] for name in (*left, *right) if name in model.joints]
+    wheels = [model.joints[name] for name in dict.fromkeys((*left, *right)) if name in model.joints]
     if len(wheels) < len(left) + len(right):
         return {}  # the check of the named wheels says what is wrong
     centres = np.array([model.frame_of(wheel.child)[:3, 3] for wheel in wheels])

@@ -9,7 +9,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 LIMITS = {
-    "navfw/, lines of Python": 79877,
+    "navfw/, lines of Python": 79881,
     "navfw/, lines of stubs": 266,
     "navfw/, lines of scripts, pages, styles and templates": 2466,
     "behaviors/, lines of Python": 1582,

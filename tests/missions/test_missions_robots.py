@@ -164,7 +164,11 @@ BOX = '<box size="0.44 0.32 0.18"/>'
         ("rear_caster_mount", "rear_castor", r"own.yaml:7: urdf.casters\[1\]: unknown joint"),
         ("own.urdf", "none.urdf", r"own.yaml:4: urdf.file: .*none.urdf"),
         ("own.urdf", "pybullet_data:x.urdf", r"own.yaml:4: urdf.file: .*x.urdf"),
-        ("radius: 0.075", "radius: 0.1", r"wheel_radius: 0.1 m, but .* radius of 0.075 m"),
+        (
+            "radius: 0.075",
+            "radius: 0.1",
+            r"wheel_radius: wheels of 0.1 m, but .* radius of 0.075 m",
+        ),
         ("track", "radius: 0.3\ntrack", r"radius 0.3 m is not half the footprint's width"),
     ],
 )
@@ -183,7 +187,7 @@ def test_wrong_robot_files_with_a_urdf(project: Path, old: str, new: str, messag
         ('<axis xyz="0 1 0"/>', '<axis xyz="1 0 0"/>', "the axis of 'left_axle' is not across"),
         ('<child link="camera"/>', '<child link="eye"/>', "its child link 'eye' does not exist"),
         ('type="continuous"', 'type="ball"', "'left_axle': expected a type of .* got 'ball'"),
-        ('xyz="0.16 0 0.38"', 'xyz="0.16 nan 0.38"', "expected 3 finite numbers"),
+        ('xyz="0.16 0 0.38"', 'xyz="0.16 nan 0.38"', "expected 3 numbers, got '0.16 nan 0.38"),
         ('<robot name="cart">', "<robot name='cart'", "own.urdf:.*it is not XML"),
         ("robot", "model", "expected a URDF <robot>, got <model>"),
         ("<?xml", "<!DOCTYPE x []><?xml", "own.urdf:1: "),
