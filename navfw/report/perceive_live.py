@@ -37,7 +37,7 @@ class PerceiveServer(PageServer):
 
     def add(self, picture: Image, result: Mapping[str, Any]) -> None:
         """Show an image when its time has come: its overlay (height, width, 3) BGR, its result."""
-        while not self._server.connections:
+        while not (self._begun or self._server.connections):
             self.serve()
         self._begun = self._begun or time.monotonic() - result["time"]
         self._newest = json.dumps(moment_of(picture, result))

@@ -72,15 +72,13 @@ def moment_of(picture: Image, result: Mapping[str, Any]) -> dict[str, Any]:
 
     ``picture`` (height, width, 3) BGR is its overlay.
     """
-    contacts = [result["distances"][name]["ttc_s"] for name in _QUADRANTS]
     image = reduced_source(picture, _WIDTH, quality=_QUALITY)
-    return {name: result[name] for name in _KEPT} | {"contacts": contacts, "image": image}
+    return {name: result[name] for name in _KEPT} | {"contacts": _contacts(result), "image": image}
 
 
-def nearness_of(result: Mapping[str, Any]) -> tuple[float, ...]:
-    """Return the time [s] and the nearness of each quadrant [1/s], NaN where it is unknown."""
-    contacts = (result["distances"][name]["ttc_s"] for name in _QUADRANTS)
-    return (result["time"], *(math.nan if one is None else 1.0 / one for one in contacts))
+def _contacts(result: Mapping[str, Any]) -> list[float | None]:
+    """Return the time to contact [s] of each quadrant, None where it is unknown."""
+    return [result["distances"][name]["ttc_s"] for name in _QUADRANTS]
 
 
 class PerceivePage:
@@ -94,7 +92,8 @@ class PerceivePage:
 
     def add(self, picture: Image, result: Mapping[str, Any]) -> None:
         """Add an image: its overlay (height, width, 3) BGR, and its result as plain data."""
-        self._nearness.append(nearness_of(result))
+        nearness = (math.nan if one is None else 1.0 / one for one in _contacts(result))
+        self._nearness.append((result["time"], *nearness))
         self._seen += 1
         self._changes += self._sentence not in {"", result["sentence"]}
         self._sentence = result["sentence"]

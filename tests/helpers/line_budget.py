@@ -15,7 +15,7 @@ LIMITS = {
     "behaviors/, lines of Python": 1582,
     "examples/, lines of Python": 1004,
     "benchmarks/, lines of Python, pages and stubs": 7430,
-    "tests/, lines of Python": 53509,
+    "tests/, lines of Python": 53526,
     "docs/, words": 44988,
     "README.md, words": 900,
     "pyproject.toml, lines": 309,

@@ -10,6 +10,7 @@ from live_browser import live_browser
 from perceive_calls import APPROACH, perceive
 from perceive_images import save
 from report_browser import seen_in_browser
+from websockets.sync.client import connect
 
 from navfw.numerics import Image
 from navfw.report.perceive_live import PerceiveServer
@@ -95,3 +96,19 @@ def test_the_live_page_shows_the_results_from_the_first_viewer_on(tmp_path: Path
         server.close()
         browser.wait_for("document.getElementById('live').textContent.includes('ended')")
         assert browser.console == []
+
+
+def test_the_images_go_on_when_the_viewer_leaves() -> None:
+    server = PerceiveServer("a drive")
+
+    def work() -> None:
+        for number in range(8):
+            server.add(PICTURE, result(number))
+
+    worker = threading.Thread(target=work, daemon=True)
+    worker.start()
+    with connect(server.url.replace("http", "ws", 1), subprotocols=[*server.protocols]) as viewer:
+        viewer.recv(timeout=10.0)
+    worker.join(timeout=10.0)
+    assert not worker.is_alive()
+    server.close()
