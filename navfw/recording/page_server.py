@@ -13,8 +13,9 @@ import socket
 from abc import ABC, abstractmethod
 from collections.abc import Awaitable, Sequence
 from contextlib import suppress
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 from urllib.parse import parse_qs, urlsplit
+from weakref import WeakSet
 
 from navfw.config.extras import extra_imports
 from navfw.errors import InputError
@@ -24,6 +25,7 @@ with extra_imports("record"):
     from websockets.asyncio.server import ServerConnection, broadcast, serve
     from websockets.datastructures import Headers
     from websockets.http11 import Request, Response
+    from websockets.protocol import State
     from websockets.typing import Subprotocol
 
 _HOST = "127.0.0.1"
@@ -82,6 +84,7 @@ class PageServer(ABC):
         self._token = secrets.token_urlsafe(16)
         self.url = f"http://{_HOST}:{port}/?token={self._token}"
         self.pages = {"/": page.encode()}
+        self._connections: WeakSet[ServerConnection] = WeakSet()
         self._loop = asyncio.new_event_loop()
         self._loop.set_exception_handler(lambda *_: None)
         self._server = self._await(self._listen())
@@ -95,6 +98,7 @@ class PageServer(ABC):
             self._view,
             sock=self._socket,
             process_request=self._answer,
+            create_connection=cast("type[ServerConnection]", self._connection),
             subprotocols=self.protocols,
             max_size=self.max_request,
             compression=None,
@@ -103,6 +107,11 @@ class PageServer(ABC):
             server_header=None,
             logger=_SILENT,
         )
+
+    def _connection(self, *protocol: Any, **limits: Any) -> ServerConnection:
+        client = ServerConnection(*protocol, **limits)
+        self._connections.add(client)
+        return client
 
     def _await(self, what: Awaitable[Any]) -> Any:
         """Return the result of ``what``; an interruption waits for it."""
@@ -130,6 +139,10 @@ class PageServer(ABC):
 
     async def _close(self) -> None:
         self._server.close()
+        await asyncio.sleep(0)
+        for client in self._connections:  # browsers open some ahead, and never ask for anything
+            if client.state is State.CONNECTING:
+                client.transport.abort()
         with suppress(TimeoutError):
             await asyncio.wait_for(self._server.wait_closed(), 1.0)
         left = asyncio.all_tasks() - {asyncio.current_task()}

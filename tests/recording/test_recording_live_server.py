@@ -223,6 +223,17 @@ def test_the_page_alone_may_pause_and_nothing_else_is_taken(idle: Session) -> No
                         page.recv(timeout=5)
 
 
+def test_a_connection_that_never_asks_is_ended_with_the_server(idle: Session) -> None:
+    server = LiveServer(idle.seen, 0)
+    with socket.create_connection(("127.0.0.1", port_of(server))) as opened_ahead:
+        server.serve(0.1)
+        before = time.perf_counter()
+        server.close()
+        assert time.perf_counter() - before < 0.9, "it does not wait for a request"
+        opened_ahead.settimeout(2.0)
+        assert opened_ahead.recv(1) == b"", "ended, not left open"
+
+
 def test_a_run_is_as_fast_as_asked_for(idle: Session) -> None:
     shown = prepare("empty", "straight", overrides=["mission.timeout=2"])
     server = LiveServer(shown.seen, 0, speed=4.0)
