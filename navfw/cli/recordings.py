@@ -184,7 +184,7 @@ def write_video(folder: Path, target: Path, *, quiet: bool) -> None:
 
 
 def chase_of(folder: Path, size: tuple[int, int] = (480, 270), fine: int = 1) -> Any:
-    """Return a function that draws a folder's run from behind; None without simulator or world."""
+    """Return ``ChaseView(..., size, fine).draw`` of a run; None without simulator or world."""
     result = read_result(folder)
     try:
         from navfw.robot import RobotModel

@@ -89,7 +89,11 @@ def expected_measurement(state: Array, x: float, y: float) -> tuple[Array, Array
 
 
 def joseph(covariance: Array, gain: Array, jacobian: Array, noise: Array) -> Array:
-    """Update a covariance in Joseph's form: symmetric, positive semidefinite for any ``gain``."""
+    """Update a covariance (n, n) by a measurement of m values, in Joseph's form.
+
+    The result is symmetric and positive semidefinite for any ``gain`` (n, m); ``jacobian`` (m, n)
+    is of the measurement, ``noise`` (m, m) its covariance.
+    """
     left = np.eye(len(covariance)) - product(gain, jacobian)
     updated = product(left, covariance, left.T) + product(gain, noise, gain.T)
     return np.asarray(0.5 * (updated + updated.T))

@@ -65,7 +65,10 @@ def plan_of(grid: GrownGrid) -> OccupancyMap:
 
 
 def free_ground(keys: Sequence[KeyPose], cell: float) -> Array:
-    """Sample the free ground (n, 2) [m] of ``keys``, in the robot's frame at the last one."""
+    """Sample the free ground (n, 2) [m] of ``keys``, in the robot's frame at the last one.
+
+    ``cell`` [m] is the edge of a cell of their submaps.
+    """
     last, points = keys[-1], []
     for key in keys:
         rows, columns = np.nonzero(key.submap.evidence < 0)

@@ -18,7 +18,8 @@ def unseen_in_view(
     """Compute the area (n,) [cells] of unseen floor in view of each of ``cells`` (n, 2), all round.
 
     ``unseen`` and ``occupied`` (rows, columns) are of a grid; what lies outside it is unseen. A ray
-    ends at an occupied cell, or after ``reach`` [cells]; unseen floor hides nothing.
+    ends at an occupied cell, or after ``reach`` [cells]; unseen floor hides nothing. There are
+    ``rays`` all round, which are sampled every ``step`` [cells].
     """
     areas = np.zeros(len(cells))
     sector = 2.0 * math.pi / rays

@@ -35,7 +35,7 @@ class Pursuit:
         self.begin = length
 
     def update(self, time: float, length: float, known: float) -> None:
-        """Take in a plan at ``time`` [s]."""
+        """Take in a plan at ``time`` [s]: its ``length`` [m], and the ``known`` area [m^2]."""
         if length < self._length - _NEARER or known > self._known + _SEEN:
             self._since, self._known = time, known
             self._length = min(length, self._length)

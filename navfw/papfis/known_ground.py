@@ -88,7 +88,7 @@ class UnseenGround:
         return np.stack([ends.min(axis=0) - _AROUND, ends.max(axis=0) + _AROUND])
 
     def prices(self, points: Array, radius: float) -> Array:
-        """Return the prices (n,) of unseen cells at ``points`` (n, 2) [m] for a robot."""
+        """Return prices (n,) of unseen cells at ``points`` (n, 2) [m] for a robot of ``radius``."""
         if self.plan is None:
             return np.full(len(points), _UNKNOWN)
         around = radius * np.array([(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)])
@@ -297,7 +297,10 @@ def with_thin_walls(grid: GrownGrid) -> GrownGrid:
 
 
 def without_specks(free: Mask, occupied: Mask, largest: float) -> Mask:
-    """Return the ``free`` cells with the gaps between rays, and unseen specks amid them, filled."""
+    """Return the ``free`` cells with gaps between rays, and unseen specks amid them, filled.
+
+    A speck has at most ``largest`` cells.
+    """
     closed = without_gaps(free)
     unseen = ~closed & ~occupied
     labels, small = small_spots(unseen, largest, 4)

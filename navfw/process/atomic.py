@@ -31,6 +31,8 @@ _SHOWN = {".html", ".md"}
 def output_place(target: Path, option: str, *, replaced: bool = True) -> Path:
     """Check that an output can be written; return its absolute path, links followed.
 
+    ``option`` is the option that named it, for the message.
+
     Raises:
         InputError: a link that points to nothing, a place below a file or without the right to
             write, or, if it is to be ``replaced``, the root of a mounted file system.
@@ -67,6 +69,8 @@ def _unwritable(target: Path, why: object) -> InputError:
 
 def output_file(target: Path, option: str = "") -> Path:
     """Check before the work that a file can be written; return its absolute path.
+
+    ``option`` is the option that named it, for the message.
 
     Raises:
         InputError: the file cannot be written, or is a folder or a device.

@@ -35,10 +35,12 @@ class PluginTimeout(BaseException):
 
 
 class Watchdog:
-    """Interrupts the present plugin call at its time limit, while it is ``active``.
+    """Interrupts a plugin call at its time limit.
 
-    It works only in the main thread, and only between two steps of the interpreter: a call that
-    hangs in compiled code lasts until the run's wall-clock limit (``navfw.process.last_trace``).
+    Calls stand between ``begin`` and ``end``; they are interrupted inside the context ``on_duty``,
+    where ``active`` is true. It works only in the main thread, and only between two steps of the
+    interpreter: a call that hangs in compiled code lasts until the run's wall-clock limit
+    (``navfw.process.last_trace``).
     """
 
     def __init__(self) -> None:

@@ -128,7 +128,10 @@ def reading_message(reading: SensorReading, twist: Twist) -> bytes:
 
 
 def imu_message(robot: RobotModel, reading: SensorReading, now: int) -> bytes:
-    """Encode the gyro's rates as ``Imu`` in ``base_link``, without orientation and acceleration."""
+    """Encode the gyro's rates as ``Imu`` in ``base_link``, stamped ``now`` [ns].
+
+    Orientation and acceleration are marked as absent.
+    """
     gyro, sigma = reading.inertial, robot.odometry.gyro_noise
     rates = {"x": gyro.roll_rate, "y": gyro.pitch_rate, "z": gyro.yaw_rate}
     absent = {"orientation_covariance": _ABSENT, "linear_acceleration_covariance": _ABSENT}
@@ -145,7 +148,10 @@ def wheel_joints(robot: RobotModel) -> tuple[Sequence[str], Sequence[str]]:
 
 
 def joints_message(robot: RobotModel, reading: SensorReading, now: int, frame: str = "") -> bytes:
-    """Encode the wheels' angles [rad] as ``JointState``, for a URDF's first wheel on each side."""
+    """Encode the wheels' angles [rad] as ``JointState``, stamped ``now`` [ns].
+
+    Of a URDF it has the first wheel on each side.
+    """
     names = [side[0] for side in wheel_joints(robot)]
     ticks = np.array([reading.encoders.left, reading.encoders.right], dtype=np.float64)
     angles = 2.0 * math.pi / robot.ticks_per_turn * ticks
@@ -154,7 +160,7 @@ def joints_message(robot: RobotModel, reading: SensorReading, now: int, frame: s
 
 
 def image_message(image: Image, now: int, frame: str = "camera") -> bytes:
-    """Encode grey pixels (height, width) uint8 as ``Image``."""
+    """Encode grey pixels (height, width) uint8 as ``Image``, stamped ``now`` [ns]."""
     height, width = image.shape
     about = {"height": height, "width": width, "step": width, "encoding": "mono8"}
     fields = {"header": {"frame_id": frame}, **about, "data": image.ravel()}
@@ -162,13 +168,16 @@ def image_message(image: Image, now: int, frame: str = "camera") -> bytes:
 
 
 def command_message(twist: Twist, now: int) -> bytes:
-    """Encode a command as ``TwistStamped`` in ``base_link``."""
+    """Encode a command as ``TwistStamped`` in ``base_link``, stamped ``now`` [ns]."""
     fields = {"header": {"frame_id": "base_link"}, "twist": twist_fields(twist)}
     return ros_message("geometry_msgs/msg/TwistStamped", fields, now)
 
 
 def odometry_message(odometry: Odometry, now: int, covariance: Array | None = None) -> bytes:
-    """Encode ``base_link`` in ``odom`` as ``Odometry``; ``covariance`` (3, 3) is of x, y, yaw."""
+    """Encode ``base_link`` in ``odom`` as ``Odometry``, stamped ``now`` [ns].
+
+    ``covariance`` (3, 3) is of x, y, yaw.
+    """
     pose = odometry.pose
     at = pose_fields(pose.x, pose.y, pose.yaw)
     placed = {"pose": at, **({} if covariance is None else {"covariance": in_space(covariance)})}
@@ -178,7 +187,10 @@ def odometry_message(odometry: Odometry, now: int, covariance: Array | None = No
 
 
 def camera_message(camera: CameraModel, size: tuple[int, int], now: int) -> bytes:
-    """Encode ``CameraInfo`` of images of ``size`` (height, width), as the lens shows them."""
+    """Encode ``CameraInfo`` of images of ``size`` (height, width), stamped ``now`` [ns].
+
+    The images are as the lens shows them.
+    """
     height, width = size
     k = np.diag([camera.focal * width / camera.width] * 2 + [1.0])
     k[:2, 2] = 0.5 * (width - 1), 0.5 * (height - 1)
@@ -197,7 +209,11 @@ def camera_message(camera: CameraModel, size: tuple[int, int], now: int) -> byte
 def transforms_message(
     odometry: Pose, now: int, belief: Belief | None = None, camera: CameraModel | None = None
 ) -> bytes:
-    """Encode ``TFMessage``: with a belief ``map`` to ``odom``, with a camera ``odom`` to camera."""
+    """Encode the transforms between frames as ``TFMessage``, stamped ``now`` [ns].
+
+    With ``belief`` it has ``odom`` in ``map``; with ``camera`` it has ``base_link`` in ``odom``,
+    and the camera in ``base_link``. With neither it is empty.
+    """
     links: list[_Link] = [] if camera is None else _to_camera(odometry, camera)
     if belief is not None:
         # the pose of odom in map: base_link in map, and from there back to odom

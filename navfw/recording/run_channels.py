@@ -116,7 +116,10 @@ def _json(content: Mapping[str, Any]) -> str:
 
 
 def image_message(topic: str, image: Image, now: int, code: str = _IMAGE_FORMAT) -> bytes:
-    """Encode an image, gray or BGR, as ``CompressedImage`` in the format ``code``; ``now`` [ns]."""
+    """Encode an image, gray or BGR, as ``CompressedImage``, stamped ``now`` [ns].
+
+    ``code`` is the format, as in ``png``; the frame is called after ``topic``, without "/image".
+    """
     data = np.asarray(cv2.imencode(f".{code}", image)[1]).ravel()
     frame = {"frame_id": topic.removeprefix("/").removesuffix("/image")}
     fields = {"header": frame, "format": code, "data": data}

@@ -20,7 +20,7 @@ _OPTIONS = {"crf": "26", "preset": "veryfast"}
 
 
 def check_video(target: Path, option: str) -> None:
-    """Check before the work that a video can be written to ``target``.
+    """Check before the work that a video can be written to ``target``, the value of ``option``.
 
     Raises:
         InputError: it has another suffix, or cannot be written.

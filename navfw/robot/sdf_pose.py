@@ -45,6 +45,9 @@ def sdf_pose(pose: Element) -> Array:
 
 
 def sdf_numbers(element: Element, count: int, missing: list[float], key: str) -> list[float]:
-    """Read the numbers in an element; ``missing`` if it is empty. Raises as ``numbers_in``."""
+    """Read the ``count`` numbers in an element, which are called ``key`` in errors.
+
+    An empty element has those of ``missing``, if there are any. Raises as ``numbers_in``.
+    """
     text = element.text or ""
     return numbers_in(element, text, count, key, _MAX) if text.strip() or not missing else missing

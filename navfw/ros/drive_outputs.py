@@ -106,21 +106,24 @@ class DriveOutputs:
 
 
 def pose_message(belief: Belief, now: int) -> bytes:
-    """Encode ``PoseWithCovarianceStamped`` of ``base_link`` in ``map``."""
+    """Encode ``PoseWithCovarianceStamped`` of ``base_link`` in ``map``, stamped ``now`` [ns]."""
     pose = {"pose": pose_fields(belief.pose.x, belief.pose.y, belief.pose.yaw)}
     fields = {"pose": {**pose, "covariance": in_space(belief.covariance)}}
     return _in("map", "geometry_msgs/msg/PoseWithCovarianceStamped", fields, now)
 
 
 def path_message(belief: Belief, path: Sequence[Waypoint], now: int) -> bytes:
-    """Encode ``Path`` in ``map`` from the robot through the waypoints."""
+    """Encode ``Path`` in ``map`` from the robot through the waypoints, stamped ``now`` [ns]."""
     points = [(belief.pose.x, belief.pose.y), *((point.x, point.y) for point in path)]
     poses = [{"header": {"frame_id": "map"}, "pose": pose_fields(x, y, 0.0)} for x, y in points]
     return _in("map", "nav_msgs/msg/Path", {"poses": poses}, now)
 
 
 def local_map_message(grid: OccupancyGrid, now: int) -> bytes:
-    """Encode ``OccupancyGrid`` of the local map in ``odom``: percent, -1 if unknown."""
+    """Encode ``OccupancyGrid`` of the local map in ``odom``, stamped ``now`` [ns].
+
+    Cells are in percent, -1 if unknown.
+    """
     cell, (x, y) = grid.params.cell, grid.origin
     percent = np.rint(100.0 / (1.0 + np.exp(-grid.log_odds)))
     percent[np.abs(grid.log_odds) < 1e-3] = -1
@@ -128,9 +131,9 @@ def local_map_message(grid: OccupancyGrid, now: int) -> bytes:
 
 
 def grid_message(frame: str, percent: Array | Cells, cell: float, corner: Pose, now: int) -> bytes:
-    """Encode ``OccupancyGrid`` of ``percent`` (rows, columns), -1 unknown, ``corner`` in ``frame``.
+    """Encode ``OccupancyGrid`` of ``percent`` (rows, columns), -1 if unknown, at ``now`` [ns].
 
-    ``cell`` is the edge of a cell [m]; ``corner`` is the pose of the grid's lower left corner.
+    ``cell`` is the edge of a cell [m], ``corner`` the pose of the lower left corner in ``frame``.
     """
     rows, columns = percent.shape
     origin = pose_fields(corner.x, corner.y, corner.yaw)
@@ -147,7 +150,7 @@ def text_message(text: str) -> bytes:
 def overlay_message(frame: Frame, state: StackState, flow_width: int, now: int) -> bytes:
     """Encode ``CompressedImage`` of the camera's image with the flow and OFFIS's sentence.
 
-    ``flow_width`` [px] is that of the images of the stack, to which the flow refers.
+    ``flow_width`` [px] is that of the images to which the flow refers; the stamp is ``now`` [ns].
     """
     height, width = frame.image.shape
     size = _ENLARGED * width, _ENLARGED * height
@@ -170,7 +173,10 @@ def overlay_message(frame: Frame, state: StackState, flow_width: int, now: int) 
 
 
 def diagnostics_message(level: int, summary: str, values: Mapping[str, object], now: int) -> bytes:
-    """Encode ``DiagnosticArray`` of one status: ``level`` 0 is good, 1 a warning, 2 an error."""
+    """Encode ``DiagnosticArray`` of one status, stamped ``now`` [ns].
+
+    ``level`` is 0 if all is well, 1 for a warning, 2 for an error; ``values`` become text.
+    """
     pairs = [{"key": key, "value": str(value)} for key, value in values.items()]
     status = {"level": level, "name": "navfw", "message": summary, "values": pairs}
     return _in("", "diagnostic_msgs/msg/DiagnosticArray", {"status": [status]}, now)

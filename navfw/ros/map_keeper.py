@@ -209,7 +209,7 @@ class MapKeeper:
 
 
 def frontiers_message(choice: Mapping[str, Any], now: int) -> bytes:
-    """Encode ``MarkerArray`` of the frontiers in a planner's ``explain_choice``."""
+    """Encode ``MarkerArray`` of the frontiers in ``explain_choice``, stamped ``now`` [ns]."""
     groups = (
         ([choice] if "x" in choice else (), _AHEAD),
         (choice.get("others", ()), _OPEN),
@@ -223,7 +223,7 @@ def frontiers_message(choice: Mapping[str, Any], now: int) -> bytes:
 
 
 def graph_message(topo_map: TopoMap, now: int) -> bytes:
-    """Encode ``MarkerArray`` of places with their names, and of passages."""
+    """Encode ``MarkerArray`` of places with names, and of passages, stamped ``now`` [ns]."""
     places = topo_map.places
     ends = [places[end] for passage in topo_map.passages for end in passage.ends]
     lines = _list(_LINES, [(place.x, place.y) for place in ends], _PLACES)

@@ -129,7 +129,10 @@ def percept_data(state: StackState, contact: float) -> Mapping[str, Any]:
 
 
 def scan_message(bearings: Array, ranges: Array, sigma: Array | None, now: int) -> bytes:
-    """Encode ``LaserScan`` in ``base_link``: ``ranges`` (n,) [m]; intensities are ``sigma`` [m]."""
+    """Encode ``LaserScan`` in ``base_link``, stamped ``now`` [ns].
+
+    ``ranges`` (n,) [m] are those at ``bearings`` (n,) [rad]; ``sigma`` (n,) [m] are intensities.
+    """
     about = {
         "angle_min": float(bearings[0]),
         "angle_max": float(bearings[-1]),
@@ -144,7 +147,10 @@ def scan_message(bearings: Array, ranges: Array, sigma: Array | None, now: int) 
 
 
 def cloud_message(points: Array, now: int) -> bytes:
-    """Encode ``PointCloud2`` in ``base_link`` of ``points`` (n, 5) of ``HitRecord.obstacles``."""
+    """Encode ``PointCloud2`` in ``base_link``, stamped ``now`` [ns].
+
+    ``points`` (n, 5) are those of ``HitRecord.obstacles``.
+    """
     fields = [
         {"name": name, "offset": 4 * number, "datatype": _FLOAT, "count": 1}
         for number, name in enumerate(_COLUMNS)

@@ -245,7 +245,7 @@ class Display(BulletClient):
         self._faded.discard(body)
 
     def fade(self, target: Array, eye: Array) -> None:
-        """Make tall bodies between two points (3,) [m] translucent, and others opaque."""
+        """Make tall bodies between ``eye`` and ``target`` (3,) [m] translucent, others opaque."""
         sight = np.linspace(target, eye, _SIGHT)
         faded = {
             body

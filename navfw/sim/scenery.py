@@ -112,7 +112,7 @@ class Scenery:
         return self._add(self._light.lit(mesh, alone=True), walker.texture)
 
     def add_cover(self, solids: Sequence[Solid], brightness: float) -> int:
-        """Cover ``solids`` with a textureless surface [grey levels]; return its body.
+        """Cover ``solids`` with a plain surface of ``brightness`` [grey levels]; return its body.
 
         It is 3 mm in front of them, below the resolution of any sensor.
         """

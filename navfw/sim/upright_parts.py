@@ -144,7 +144,7 @@ def furniture_parts(file: str, scale: float, up: Up) -> tuple[UprightPart, ...]:
 def mesh_solids(triangles: Array) -> list[UprightPart]:
     """Convert triangles (n, 3, 3) [m] to solids that cover them between the floor, z = 0, and 20 m.
 
-    Outlines are accurate to a cell of 2 cm, or to a 600th of a mesh above 12 m.
+    Outlines are accurate to 2 cm, or to a 600th of the length of a mesh longer than 12 m.
 
     Raises:
         WorldError: there would be too many.

@@ -214,11 +214,11 @@ class PlaceNames:
         self._taken: set[str] = set()
 
     def centre(self, at: Point, kind: str) -> str:
-        """Return a name for the place that represents a room."""
+        """Return a name for the place of a room: the room's, or ``kind``, and a number if taken."""
         return self._free(self._room(*at) or kind, first=True)
 
     def place(self, at: Point, kind: str) -> str:
-        """Return a name for any other place."""
+        """Return a name for any other place: the room's, or ``kind``, and a number."""
         stem = self._room(*at) or kind
         if self._region_names and kind in {"corner", "junction"} and stem != kind:
             stem = f"{stem}-{kind}"

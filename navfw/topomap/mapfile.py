@@ -207,7 +207,10 @@ class MapImporter:
     def add_edge(
         self, a: str, b: str, values: dict[str, Any], line: int, directed: bool = False
     ) -> None:
-        """Add an edge; a ``directed`` one makes a passage together with the opposite edge."""
+        """Add an edge from place ``a`` to ``b``, with ``values`` of a map file, in ``line``.
+
+        A ``directed`` edge makes a passage together with the opposite one.
+        """
         edge, edges = {"from": a, "to": b, **_kept(values, EDGE_KEYS)}, self._data["edges"]
         if directed and a == b:
             self._loops.append(str(line))

@@ -51,7 +51,10 @@ class SdfFiles:
         return next((path for path in self._paths(uri, near) if is_file(path)), None)
 
     def find_model(self, uri: str, near: Path) -> Path | None:
-        """Find a model's SDF file: one of that name, or in the folder of that name; or None."""
+        """Find a model's SDF file, or None: the file ``uri``, or that in the folder ``uri``.
+
+        ``near`` is the file that names it.
+        """
         fuel = _FUEL.fullmatch(uri)
         for name in (unquote(fuel[1]), unquote(fuel[1]).lower()) if fuel else (uri,):
             for path in self._paths(name, near):
@@ -120,7 +123,9 @@ class SdfFrames:
         self._asked: list[Element] = []
 
     def place(self, element: Element, base: Array = _HERE) -> Array:
-        """Return the transform (4, 4) of an element, in ``base`` if its pose names no frame.
+        """Return the transform (4, 4) of an element to the frame of ``self.element``.
+
+        A pose that names no frame is relative to ``base``, itself a transform to that frame.
 
         Raises:
             ConfigError: the pose is damaged, or its frame does not exist, or depends on itself.
