@@ -163,6 +163,16 @@ def test_silent_encoders_are_no_standstill() -> None:
     assert not drive.go(0.1, 0.2).silent
 
 
+def test_without_encoders_the_robot_counts_as_driven_as_commanded_unless_very_slow() -> None:
+    drive = Drive()
+    drive.go(1.0, 0.4, dead="both")
+    before = drive.odometry.pose.x
+    assert drive.go(1.0, 0.25, dead="both").pose.x - before == pytest.approx(0.25, abs=1e-6)
+    slow = Drive()
+    assert not slow.go(5.0, 0.029, dead="both").silent  # the rim's speed is too low to judge
+    assert slow.go(5.0, 0.031, dead="both").silent
+
+
 def test_one_wheel_without_gyro_is_not_enough() -> None:
     assert Drive().go(1.0, 0.4, dead="left", gyro=False).silent
 

@@ -178,8 +178,15 @@ def test_a_missing_rule_leaves_the_region_of_its_terms() -> None:
         ({"trapezoid": [0, 0, 0.2, 0.5]}, {}, "exactly 0.5 m"),
         ({"triangle": [0, 0.5, 1]}, {}, "exactly 0 m"),
         ({"triangle": [0.3, 0.5, 1]}, {"far": {"triangle": [0.5, 1, 1.5]}}, "in [0, 0.3] m"),
+        ({"trapezoid": [0, 0, 0.2, 0.6]}, {"far": {"triangle": [0.5, 1, 1.5]}}, "in [1.5, 2] m"),
     ],
-    ids=["a gap", "terms that touch", "the end, to which inputs are clipped", "one of two ends"],
+    ids=[
+        "a gap",
+        "terms that touch",
+        "the end, to which inputs are clipped",
+        "one of two ends",
+        "up",
+    ],
 )
 def test_gaps_between_terms_are_named_in_numbers(
     near: dict[str, list[float]], more: dict[str, Any], where: str

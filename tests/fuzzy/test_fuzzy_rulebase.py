@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from fuzzy_samples import clauses, rule_base_of, small
 from hypothesis import given, settings
@@ -195,6 +196,20 @@ def test_errors_name_file_line_and_remedy(old: str, new: str, line: int, message
     assert message in str(error)
     assert str(error).startswith("turn.yaml:")
     assert f"turn.yaml:{line}: " in str(error)
+
+
+@pytest.mark.parametrize("default", [-1.0, 1.0])
+def test_a_default_may_be_an_end_of_the_range(default: float) -> None:
+    text = TEXT.replace("[-1, 1]", f"[-1, 1]\n    default: {default}")
+    assert parse_rule_base(text).outputs["turn"].default == default
+
+
+def test_between_its_samples_a_gaussian_is_almost_exact() -> None:
+    turn = parse_rule_base(TEXT.replace("[1, .2]", "[.3, .02]")).outputs["turn"]
+    x = np.linspace(-1.0, 1.0, 4001)
+    degrees = np.interp(x, turn.universe, turn.sampled("left"))
+    # lines between points a quarter sigma apart are off by (1/4)^2 / 8 of the second derivative
+    assert np.abs(degrees - np.exp(-0.5 * ((x - 0.3) / 0.02) ** 2)).max() < 0.008
 
 
 def test_a_sentence_is_shown_with_a_marker() -> None:

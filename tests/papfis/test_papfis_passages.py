@@ -275,3 +275,13 @@ def test_a_door_on_which_something_stands_is_not_passed_over() -> None:
     drive.go(2.9, 0)
     drive.report("unknown", 4, covered=(AT["far"],))
     assert drive.ahead == ["far", "end"]
+
+
+def test_a_covered_door_does_not_count_as_a_report_on_the_waypoint_behind_it() -> None:
+    drive = Drive(row(START, replace(NEAR, kind="door"), FAR, END, width=1.5))
+    drive.go(0, 0)
+    drive.report("unknown", 3, covered=(AT["near"],))
+    drive.go(3, 0)
+    for ahead in (["far", "end"], ["end"]):
+        drive.report("unknown", covered=(AT["far"],))
+        assert drive.ahead == ahead

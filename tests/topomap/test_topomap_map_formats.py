@@ -459,6 +459,7 @@ ONE_PLACE = (
     [
         ("m.geojson", "{", ["m.geojson:1", "not valid JSON"]),
         ("m.geojson", '{"type": "Feature"}', ["type", "FeatureCollection"]),
+        ("m.geojson", '{"type": "GeometryCollection", "features": []}', ["FeatureCollection"]),
         ("m.geojson", '{"type": "FeatureCollection"}', ["features", "list"]),
         ("m.geojson", '{"type": "FeatureCollection", "features": []}', ["at least one place"]),
         ("m.geojson", '{"a": NaN}', ["NaN is not a number"]),

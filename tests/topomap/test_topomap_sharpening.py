@@ -1,5 +1,6 @@
 """Surfaces out of the bands of evidence that walls leave."""
 
+import cv2
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
@@ -42,3 +43,14 @@ def test_the_middle_line_of_a_weak_band_is_of_the_surface_but_not_its_ragged_edg
     assert sharp[22, 7:46].all()
     assert not sharp[:20].any()
     assert (sharpened(evidence)[22, 30:33] < OCCUPIED_FROM).all()  # here it is a gap
+
+
+def test_mirrored_evidence_has_mirrored_surfaces() -> None:
+    rng = np.random.default_rng(3)
+    blots = cv2.GaussianBlur(rng.normal(0.0, 1.0, (60, 80)), (0, 0), 3.0)
+    evidence = np.clip(1200.0 * blots, -100.0, 100.0).round().astype(np.int8)
+    sharp = sharpened(evidence)
+    assert 50 < (sharp >= OCCUPIED_FROM).sum() < 0.5 * (evidence >= OCCUPIED_FROM).sum()
+    for turned in (np.fliplr, np.flipud, np.transpose):
+        mirrored = sharpened(np.ascontiguousarray(turned(evidence)))
+        assert np.array_equal(mirrored, turned(sharp))
