@@ -117,6 +117,15 @@ def test_observed_floor_counts_up_to_the_nose_in_every_direction() -> None:
     assert ways[0].unobserved == pytest.approx(0.3, abs=0.06)
 
 
+def test_the_border_of_the_grid_bars_the_nose_on_every_side() -> None:
+    occupancy = occupancy_with()
+    away = 0.5 * occupancy.params.extent - 0.9
+    for k in range(4):
+        out = 0.5 * math.pi * k
+        pose = Pose(away * math.cos(out), away * math.sin(out), out)
+        assert free_distance(occupancy, pose, AHEAD).contact == pytest.approx(0.4, abs=0.08)
+
+
 def test_ranges_are_from_the_rim() -> None:
     ranges = ranges_around(occupancy_with((1.0, 1.2, -1.0, 1.0)), ORIGIN)
     ahead = int(np.abs(ranges.bearings).argmin())

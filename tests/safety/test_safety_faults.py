@@ -87,6 +87,7 @@ def test_without_valid_frames_the_robot_slows_and_stops_but_may_turn(
         ({"gyro_age": 0.19}, 0.4, ""),
         ({"gyro_age": 0.21}, 0.12, "the gyro is silent"),
         ({"encoder_age": 0.49}, 0.4, ""),
+        ({"encoder_age": 0.5}, 0.4, ""),
         ({"encoder_age": 0.51}, 0.0, "the wheel encoders are silent"),
         ({"gyro_age": 9.0, "frame_age": 0.5}, 0.12, "the camera is late"),
         ({"encoder_age": 0.6, "frame_age": 2.0}, 0.0, "the wheel encoders are silent"),

@@ -52,6 +52,12 @@ def test_projections_are_the_nearest_points_of_passages(topo_map: TopoMap, point
         assert both == pytest.approx(footing.passage.length)
 
 
+def test_a_passage_without_extent_has_its_projection_at_its_first_place() -> None:
+    stacked = TopoMap("lift", [Place("up", 1, 2), Place("down", 1, 2)], [Passage("up", "down", 3)])
+    (footing,) = stacked.project_onto_passages(4.0, 6.0, slack=0.0)
+    assert (footing.aside, footing.to_end("up"), footing.to_end("down")) == (5.0, 0.0, 3.0)
+
+
 @given(chains(), points, st.floats(0.0, 5.0))
 def test_projections_keep_slack_and_choice(topo_map: TopoMap, point: Point, slack: float) -> None:
     everything = topo_map.project_onto_passages(*point, slack=1e9)
