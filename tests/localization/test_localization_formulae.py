@@ -6,12 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from navfw.localization.discrete_filter import DiscreteFilter, DiscreteParams
-from navfw.localization.landmark_model import LandmarkExistence, LandmarkObserver
-from navfw.localization.lattice import Lattice
+from navfw.localization.landmark_model import LandmarkObserver
 from navfw.localization.motion_model import DeadReckoning
 from navfw.localization.place_probabilities import likeliest_places, probability_within
-from navfw.localization.plan_kernels import match_points, share_of_blocked_rays
+from navfw.localization.plan_kernels import match_points
 from navfw.robot import RobotModel
 from navfw.signals import LandmarkDetection, Odometry, Pose, Twist
 from navfw.topomap import Landmark, Passage, Place, TopoMap
@@ -80,41 +78,3 @@ def test_points_are_matched_to_walls_wherever_the_camera_was() -> None:
     state, _, belonging = match_points(near, sigma, origins, field, 0.05, start, prior)
     assert state == pytest.approx((1.2, 0.9, 0.3, math.log(scale)), abs=2e-3)
     assert belonging == pytest.approx(0.9, abs=0.01)  # 0.1 for anything else
-    poses = np.array([(1.2, 0.9, 0.3), (2.3, 0.9, 0.3), (1.2, 1.8, 0.3), (1.2, 0.9, 1.9)])
-    blocked = share_of_blocked_rays(points, origins, field, 0.05, poses)
-    expected = []
-    for robot in (Pose(*row) for row in poses.tolist()):
-        ends, eyes = robot.points_to_parent(points), robot.points_to_parent(origins)
-        lengths = np.hypot(*(ends - eyes).T)
-        short = eyes + (ends - eyes) * (1.0 - 0.3 / lengths)[:, None]
-        expected.append(float(((short[:, 0] > 3.0) | (short[:, 1] > 2.5)).mean()))
-    assert blocked == pytest.approx(expected, abs=0.07)
-    assert blocked[0] == 0.0
-    assert min(blocked[1:3]) > 0.1
-
-
-def test_the_domain_is_within_reach_of_passages_and_places() -> None:
-    lattice = Lattice(MAP, 0.1, 8)
-    x, y = np.meshgrid(lattice.x, lattice.y)
-    excess = np.min([np.hypot(x - place.x, y - place.y) for place in PLACES], axis=0) - 1.0
-    for (ax, ay), (bx, by), width in ((1.0, 2.0), (4.0, 2.0), 0.8), ((4.0, 2.0), (4.0, 7.0), 2.6):
-        beside = np.hypot(x - np.clip(x, ax, bx), y - np.clip(y, ay, by)) - 0.5 * width
-        excess = np.minimum(excess, beside)
-    inside = lattice.keep == 1.0
-    assert inside[excess < -0.01].all()
-    assert not inside[excess > 0.01].any()
-
-
-def test_a_known_start_is_a_gaussian_around_it() -> None:
-    discrete = DiscreteFilter(MAP, DiscreteParams(), 0.9, LandmarkExistence(0.9))
-    discrete.initialize(Pose(4.0, 4.5, 0.9), AT_REST, 0.5)
-    lattice, belief = discrete.lattice, discrete.belief.sum(axis=0)
-    column, row = round(lattice.column(4.0)), round(lattice.row(4.5))
-    assert belief.argmax() == row * belief.shape[1] + column
-    assert int(discrete.belief.sum(axis=(1, 2)).argmax()) == round(
-        0.7 / (2.0 * math.pi) * lattice.headings
-    )
-    for step in (1, 2, 3):
-        far, near = lattice.y[row + step] - 4.5, lattice.y[row] - 4.5
-        odds = math.exp(-0.5 * (far**2 - near**2) / 0.5**2)
-        assert belief[row + step, column] / belief[row, column] == pytest.approx(odds, rel=1e-3)

@@ -9,7 +9,7 @@ from papfis_maps import belief, row
 
 from navfw.papfis.explorer import Explorer
 from navfw.papfis.found_doors import FoundDoors
-from navfw.papfis.frontier_kernels import free_line, unseen_in_view
+from navfw.papfis.frontier_kernels import unseen_in_view
 from navfw.robot import RobotModel
 from navfw.signals import Pose, Waypoint
 from navfw.topomap import Place
@@ -34,41 +34,10 @@ def test_the_view_is_a_disc_of_what_is_unseen() -> None:
     assert view(False, 4.4) == 0.0
 
 
-def test_of_a_disc_the_segments_outside_of_the_grid_are_unseen() -> None:
-    half = 4.5  # the border is at row -0.5
-    segment = 100.0 * math.acos(half / 10.0) - half * math.sqrt(100.0 - half * half)
-    assert view(False, 10.0) == pytest.approx(2.0 * segment, rel=0.01)
-
-
 @pytest.mark.parametrize(("wall", "rows"), [(3, 0.5), (5, 0.5), (2, 1.5), (7, 2.5)])
 def test_a_wall_hides_what_is_beyond(wall: int, rows: float) -> None:
     beyond = 16.0 * math.acos(rows / 4.0) - rows * math.sqrt(16.0 - rows * rows)
     assert view(True, 4.0, wall) == pytest.approx(16.0 * math.pi - beyond, rel=0.01)
-
-
-@pytest.mark.parametrize("turned", [False, True])
-@pytest.mark.parametrize("backward", [False, True])
-def test_a_line_is_free_if_no_cell_on_it_from_a_cell_and_a_half_on_is_dearer(
-    turned: bool, backward: bool
-) -> None:
-    ends = [np.array([2, 3]), np.array([2, 11])]
-    if backward:
-        ends.reverse()
-    columns = range(11, 2, -1) if backward else range(3, 12)
-    bars = {}
-    for place, column in enumerate(columns):
-        price = np.ones((6, 15))
-        price[2, column] = 3.0
-        at = [end[::-1].copy() if turned else end for end in ends]
-        priced = np.ascontiguousarray(price.T) if turned else price
-        bars[place] = not free_line(priced, at[0], at[1], 2.0)
-        assert free_line(priced, at[0], at[1], 3.0)
-    assert bars == {place: place >= 2 for place in range(9)}
-    # cells beside the line and beyond its end do not matter, what is off the grid is not free
-    price = np.full((6, 15), 9.0)
-    price[2, 3:12] = 1.0
-    assert free_line(price, ends[0], ends[1], 2.0)
-    assert not free_line(price[:, :11].copy(), np.array([2, 3]), np.array([2, 11]), 99.0)
 
 
 def test_without_a_grid_an_explorer_heads_a_metre_ahead() -> None:
