@@ -538,6 +538,7 @@ def test_values_left_out_get_defaults(tmp_path: Path) -> None:
         ("yaw: -3.14", "yw: -3.14", ConfigError, 11, ["yw", "did you mean 'yaw'"]),
         ("  notice:", "  sign:", ConfigError, 11, ["duplicate key"]),
         ("size: 0.2", "size: 0", ConfigError, 10, ["landmarks.sign.size", "0"]),
+        ("size: 0.2", "size: 10.1", ConfigError, 10, ["landmarks.sign.size", "10"]),
         ("id: 7, x: 3", "id: -1, x: 3", ConfigError, 11, ["landmarks.notice.id", "-1"]),
         ("uncertainty: 0.5", "danger: 2", ConfigError, 8, ["edges[1].danger", "2"]),
     ],
@@ -548,6 +549,12 @@ def test_errors_name_file_line_and_key(
     assert old in GOOD
     path = write(tmp_path / "flat.yaml", GOOD.replace(old, new, 1))
     assert_refused(path, error, [f"flat.yaml:{line}: ", *words])
+
+
+def test_landmarks_may_be_10_m_large_and_100_m_high(tmp_path: Path) -> None:
+    text = GOOD.replace("z: 0.6", "z: 100").replace("size: 0.2", "size: 10")
+    sign = load_map(write(tmp_path / "flat.yaml", text)).landmarks["sign"]
+    assert (sign.z, sign.size) == (100.0, 10.0)
 
 
 def test_one_message_lists_all_errors(tmp_path: Path) -> None:
