@@ -253,6 +253,12 @@ def test_without_blind_reverse_the_robot_reverses_only_by_sight() -> None:
         assert monitor.limit(back, time, ORIGIN).twist.v == speed
 
 
+def test_no_age_may_be_longer_than_a_minute() -> None:
+    assert monitor_with(encoder_stop=60.0).params.encoder_stop == 60.0
+    with pytest.raises(ValueError, match="60"):
+        monitor_with(encoder_stop=60.5)
+
+
 def test_of_a_silent_camera_and_a_failing_stage_the_longer_failure_is_given() -> None:
     for since, why in ((1.9, "the camera is late"), (0.5, "flow mine fails")):
         monitor = started(camera_slow=0.1, camera_stop=9.0)
