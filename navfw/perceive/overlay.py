@@ -57,9 +57,10 @@ def write(
     bold: bool = False,
     halo: Colour | None = None,
 ) -> None:
-    """Write ``text`` into ``image``; ``at`` (x, y) [px] is the left end of its base line.
+    """Write ``text`` in letters of ``size`` [px] into ``image``, from ``at`` (x, y) [px] on.
 
-    ``halo`` is the colour of an outline that keeps the text readable on any background.
+    ``at`` is on the base line; ``halo`` is the colour of an outline that keeps the text
+    readable on any background.
     """
     font = _font(size, bold)
     stroke = 0.0 if halo is None else max(1.0, _HALO * size)
@@ -91,7 +92,8 @@ def write_key(
 ) -> None:
     """Write names in ``ink``, each after a patch of its colour, in as many lines as they need.
 
-    ``at`` (x, y) [px] is the left end of the first base line; the same margin is kept on the right.
+    ``size`` [px] is that of letters, ``at`` (x, y) [px] the left end of the first base line; the
+    same margin is kept on the right.
     """
     left, base = at
     x, patch = left, 0.8 * size
@@ -106,7 +108,7 @@ def write_key(
 
 
 def wrap(text: str, size: float, width: float) -> list[str]:
-    """Split ``text`` into lines no wider than ``width`` [px]; longer words are not broken."""
+    """Split ``text`` at spaces into lines up to ``width`` [px], in letters of ``size`` [px]."""
     lines: list[str] = []
     for word in text.split():
         longer = f"{lines[-1]} {word}" if lines else word

@@ -55,7 +55,7 @@ def access_notes(cls: type[Plugin]) -> list[str]:
 
 
 def simulator_imports(file: Path) -> tuple[tuple[int, str], ...]:
-    """Return line and module of each simulator import in a Python ``file``; [] if unreadable."""
+    """Return line and module of each simulator import in a Python ``file``; () if unreadable."""
     return _imports_in(_nodes(file))
 
 

@@ -63,7 +63,10 @@ class SenseOutputs(DriveOutputs):
         self._bearings: Array = _DEGREE * np.arange(-half, half + 1, dtype=np.float64)
 
     def tell(self, frame: Frame, base: Pose | None, ended: str, now: int) -> None:
-        """Publish the percepts at ``now`` [ns], unless ``ended`` says what holds the node."""
+        """Publish percepts and diagnostics at ``now`` [ns].
+
+        If ``ended`` says what holds the node, or nothing was seen yet, only the diagnostics.
+        """
         state, send, hits = self._senses.state, self._publish, self._senses.hits
         odometry, belief = state.odometry, state.belief
         if odometry is None or belief is None or ended:
