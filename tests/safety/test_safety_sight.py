@@ -116,6 +116,14 @@ def test_the_cells_of_the_path_decide(known: float, low: bool, weak: bool, none:
     assert (sight.weak, sight.none, bool(sight.judgement.trouble)) == (weak, none, weak)
 
 
+@pytest.mark.parametrize(("confidence", "none"), [(0.01, False), (0.0099, True)])
+def test_a_cell_is_known_from_a_confidence_of_a_hundredth_on(confidence: float, none: bool) -> None:
+    made = percept()
+    sight = PathSight(ROBOT)
+    sight.observe(replace(made, confidence=np.full(made.confidence.shape, confidence)))
+    assert sight.none == none
+
+
 def seen_by(*percepts: Percept) -> PathSight:
     sight = PathSight(ROBOT)
     for percept in percepts:
