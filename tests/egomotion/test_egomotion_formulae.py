@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 
 from navfw.egomotion.epipolar_kernels import CAUCHY, rate_directions
 from navfw.egomotion.floor_kernels import SLANT, UNKNOWNS, _residuals
+from navfw.egomotion.floor_registration import FloorRegistration
 from navfw.egomotion.refinement import refine_rotation
 from navfw.numerics import Array
-from navfw.robot import CameraModel
+from navfw.robot import CameraModel, RobotModel
 
 FOCAL = 80.0
 CAMERA = CameraModel(width=64, height=48, pitch=0.3)
@@ -101,3 +102,12 @@ def test_a_floor_point_has_the_grey_level_where_it_is_projected(
         assert slopes[unknown] == pytest.approx(slope, rel=1e-2, abs=0.5)
     slant = (slopes[0] * tx + slopes[1] * ty) * farness
     assert slopes[SLANT] == pytest.approx(slant)
+
+
+@pytest.mark.parametrize(("pitch", "rows"), [(0.0, 120 - 51), (0.2, 120 - 35), (-0.2, 120 - 67)])
+def test_the_floor_image_begins_eight_rows_above_the_horizon(pitch: float, rows: int) -> None:
+    camera = CameraModel(pitch=pitch)  # 120 rows, the horizon of the level one between 59 and 60
+    registration = FloorRegistration(RobotModel(camera=camera))
+    assert camera.focal == pytest.approx(80.0)
+    prepared = registration.prepare(np.zeros((120, 160), np.uint8))
+    assert prepared.grey.shape == (rows, 160)
