@@ -20,19 +20,24 @@ from navfw.signals.immutability import Frozen
 _SHARES = np.linspace(-HIT_WIDTH, HIT_WIDTH, 5)  # chosen
 """Standard deviations of nearness from a reading at which its cells are marked."""
 _TAIL, _GAP = 0.4, 0.15  # chosen
-"""Length [m] before an obstacle that may be unobserved, as its distance is not exact; and in all,
-farther before it: rays are sparse."""
+"""Length [m] before an obstacle beyond the reach that may be unobserved, as its distance is not
+exact; and in all along a free ray: rays of flow are sparse."""
 _BLUR = 0.07  # measured
 """Standard deviation [m] that cells and their joining over time add: in generated rooms distances
 that readings had to 0.04 m were off by 0.08 m."""
-_INNER = 0.7  # chosen
+_INNER = 0.875  # derived
 """Share of an occupied cell, between centres of cells, from which a ray meets it: beside its
-corners obstacles would be seen wider by up to half a cell."""
+corners obstacles would be seen wider. It is the largest at which steps of a quarter of a cell miss
+none."""
+_EDGE = 0.35  # chosen
+"""Distance [cells] within which it is not known where an obstacle ends: a ray so near to one that
+meets none may pass. In ten generated rooms 1 of 4 false obstacles was there."""
 _SPREAD = 1.6  # derived
 """Distance [m] from which evidence is summed along a ray: there 0.02 1/m of nearness, the least
 error, are a cell. In six generated rooms 3 of 100 obstacles more are seen."""
-_WIDTH, _MIN_MIDDLE = 0.15, 0.1  # chosen
-"""Over which length [m] it is summed, and the least log-odds in its middle."""
+_WIDTH, _MIN_MIDDLE, _MIN_SUM = 0.175, 0.1, 2.2  # chosen
+"""Over which length [m] it is summed, and the least log-odds in its middle; the least sum at 1 m,
+which falls with the distance squared as the share of a reading that is within a cell."""
 _HITS = (int(Label.OBSTACLE), int(Label.DROP), int(Label.ABOVE))  # defined
 
 
@@ -40,9 +45,10 @@ _HITS = (int(Label.OBSTACLE), int(Label.DROP), int(Label.ABOVE))  # defined
 class ViewScan(Frozen):
     """What the local map has along rays from base_link; arrays (n,) by bearing [m].
 
-    ``ranges`` is the distance to the obstacle that a ray meets after ground that was observed free;
-    inf if all of it is free, NaN where that is not known. ``sigma`` is the standard deviation of
-    the distance, NaN without an obstacle. ``free`` is the distance that was observed free.
+    ``ranges`` is the distance to the first obstacle that was seen; inf if all ground to the reach
+    was observed free, NaN where neither is known, as at an obstacle's edge. ``sigma`` is the
+    standard deviation of the distance, NaN without an obstacle. ``free`` is the distance that was
+    observed free.
     """
 
     ranges: Array
@@ -147,10 +153,10 @@ class HitRecord:
     def scan(self, pose: Pose, bearings: Array, reach: float) -> ViewScan:
         """Cast a ray of ``reach`` [m] along each of ``bearings`` (n,) [rad] from odom ``pose``.
 
-        An obstacle is as far as the middle of the first occupied cells on the ray: an uncertain
-        surface has them to both of its sides. Those before it may be unobserved for ``_TAIL``.
+        Bearings are evenly spaced. An obstacle is as far as the middle of the first occupied cells
+        on the ray: an uncertain surface has them to both of its sides.
         """
-        grid, step = self._grid, 0.5 * self._grid.params.cell
+        grid, step = self._grid, 0.25 * self._grid.params.cell
         steps = np.arange(0.0, reach + _TAIL, step)
         number = np.arange(steps.size)
         ways = np.stack([np.cos(bearings + pose.yaw), np.sin(bearings + pose.yaw)], axis=-1)
@@ -167,20 +173,29 @@ class HitRecord:
         gaps = (unseen & (number < first[:, None] - round(_TAIL / step))).sum(axis=1)
         ranges = np.where(first < steps.size, 0.5 * step * (first + last), math.inf)
         ranges[ranges > reach] = math.inf
-        ranges[gaps > _GAP / step] = math.nan
+        ranges[np.isinf(ranges) & (gaps > _GAP / step)] = math.nan
+        ranges[self._at_edge(ranges, bearings)] = math.nan
         precision = _around(self.precision)[at] * (occupied & (number <= last[:, None]))
         with np.errstate(divide="ignore"):
             sigma = np.where(np.isfinite(ranges), 1.0 / precision.max(axis=1), math.nan)
         sigma[np.isinf(sigma)] = math.nan
         return ViewScan(ranges, sigma, np.minimum(free * step, reach))
 
+    def _at_edge(self, ranges: Array, bearings: Array) -> Mask:
+        """Whether rays with an obstacle at ``ranges`` (n,) [m] may pass beside it."""
+        hit = np.isfinite(ranges)
+        between = np.abs(bearings[:, None] - bearings) - 0.5 * (bearings[1] - bearings[0])
+        near = between <= _EDGE * self._grid.params.cell / np.where(hit, ranges, math.inf)[:, None]
+        edge: Mask = hit & (near & ~hit).any(axis=1)
+        return edge
+
     def _met(self, points: Array, steps: Array, log_odds: Array) -> Mask:
         """Whether rays meet an obstacle at ``points`` (n, m, 2), ``steps`` (m,) [m] away."""
         grid, count = self._grid, round(_WIDTH / (steps[1] - steps[0]))
         x, y = np.moveaxis((points - np.array(grid.origin)) / grid.params.cell, -1, 0).astype("f4")
-        inner = cv2.remap(grid.occupied.astype("f4"), x, y, cv2.INTER_LINEAR) > _INNER
+        inner = cv2.remap(grid.occupied.astype("f4"), x, y, cv2.INTER_LINEAR) >= _INNER
         summed = uniform_filter1d(log_odds, count, axis=1, mode="constant")
-        enough = summed * _WIDTH / grid.params.cell >= grid.params.occupied
+        enough = summed * _WIDTH / grid.params.cell * steps**2 >= _MIN_SUM
         met: Mask = inner | (enough & (log_odds > _MIN_MIDDLE) & (steps > _SPREAD))
         return met
 

@@ -21,7 +21,7 @@ from navfw.stack.sensing_stack import SensingStack
 
 _SCAN, _CLOUD = "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/PointCloud2"
 TOPICS: Mapping[str, tuple[str, str]] = {
-    "navfw/scan": (_SCAN, "the view by degrees: obstacles; inf free to the range, NaN unseen"),
+    "navfw/scan": (_SCAN, "the view by degrees: obstacles; inf free to the range, NaN unknown"),
     "navfw/free": (_SCAN, "how far the floor is seen free, to clear a costmap"),
     "navfw/obstacles": (_CLOUD, "occupied cells: x, y, z, sigma [m], age [s]"),
     "navfw/odom": ("nav_msgs/msg/Odometry", "by wheels, gyro and floor, with covariance"),

@@ -1,4 +1,4 @@
-"""Scans of the local map: uncertain surfaces far away, and edges of near obstacles."""
+"""Scans of the local map: uncertain surfaces far away, edges, obstacles behind unseen floor."""
 
 import math
 
@@ -14,7 +14,10 @@ from navfw.signals import Pose
 HERE = Pose(0.0, 0.0, 0.0)
 
 
-def scanned(cells: dict[tuple[float, float], float], bearings: Array) -> Array:
+RAYS = np.radians(np.arange(-9.0, 10.0))
+
+
+def scanned(cells: dict[tuple[float, float], float], bearings: Array = RAYS) -> Array:
     """Ranges (n,) [m] with log-odds in the cells at these places [m], and free floor around."""
     grid = OccupancyGrid(RobotModel())
     grid.update(HERE, 0.0)
@@ -24,17 +27,27 @@ def scanned(cells: dict[tuple[float, float], float], bearings: Array) -> Array:
     return HitRecord(grid).scan(HERE, bearings, 2.5).ranges
 
 
-@pytest.mark.parametrize(("distance", "seen"), [(1.0, False), (2.0, True)])
+@pytest.mark.parametrize(("distance", "seen"), [(1.0, False), (1.7, False), (2.3, True)])
 def test_evidence_spread_over_depth_is_summed_far_away(distance: float, *, seen: bool) -> None:
     across = (-0.05, 0.0, 0.05)
-    wall = {(distance + dx, y): 0.3 for dx in (-0.1, *across, 0.1) for y in across}
-    ranges = scanned(wall, np.zeros(1))
-    assert math.isfinite(ranges[0]) is seen
+    wall = {(distance + dx, y): 0.17 for dx in (-0.1, *across, 0.1) for y in across}
+    ranges = scanned(wall, np.radians([-0.5, 0.0, 0.5]))
+    assert math.isfinite(ranges[1]) is seen
     if seen:
-        assert ranges[0] == pytest.approx(distance, abs=0.06)
+        assert ranges[1] == pytest.approx(distance, abs=0.06)
 
 
-def test_rays_beside_the_middle_of_a_cell_pass_it() -> None:
-    offsets = np.array([-0.024, -0.005, 0.005, 0.024])
-    ranges = scanned({(0.5, 0.0): 2.0}, np.arctan2(offsets, 0.5))
-    assert np.isfinite(ranges).tolist() == [False, True, True, False]
+def test_rays_that_may_pass_beside_an_obstacle_are_not_known() -> None:
+    ranges = scanned({(0.5, y): 2.0 for y in (-0.05, 0.0, 0.05)})
+    hits, unknown = np.isfinite(ranges), np.isnan(ranges)
+    assert np.flatnonzero(hits).tolist() == list(range(5, 14))  # to 4 degrees
+    assert np.flatnonzero(unknown).tolist() == [3, 4, 14, 15]
+
+
+def test_an_obstacle_is_seen_behind_floor_that_was_not_observed() -> None:
+    across = np.arange(-9, 10) / 20
+    unseen = {(x, y): 0.0 for x in np.arange(12, 18) / 20 for y in across}
+    wall = {(1.8, y): 2.0 for y in across[:10]}
+    ranges = scanned(unseen | wall)
+    assert ranges[:8] == pytest.approx(1.8, abs=0.06)
+    assert np.isnan(ranges[-8:]).all()
