@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal
 
-from navfw.errors import ConfigError, InputError, did_you_mean
+from navfw.errors import ConfigError, InputError, UnknownNameError, did_you_mean
 from navfw.recording import deserialize_cdr
 
 Quality = Literal["sensor", "reliable", "latched"]
@@ -23,6 +23,8 @@ _PACED = 0.3
 """Wall time [s] over which the pace of a simulated clock is measured."""
 _MAX_NOTES = 100
 """Largest number of notes: hostile messages could cause any number."""
+_ROS_PARAMETERS = re.compile(r"use_sim_time|start_type_description_service|qos_overrides\..*")
+"""Parameters that rclpy reads by itself."""
 
 
 class RosNode:
@@ -85,8 +87,26 @@ class RosNode:
             raise ConfigError(f"the parameter {name} {what}", key="--ros-args")
         return value
 
+    def check_parameters(self) -> None:
+        """Check that all parameters which the node was started with have been asked for.
+
+        Raises:
+            UnknownNameError: one has not.
+
+        """
+        for name in self._node.get_parameters_by_prefix(""):
+            if name not in self.declared and not _ROS_PARAMETERS.fullmatch(name):
+                known = [*self.declared, "use_sim_time"]
+                raise UnknownNameError("parameter", name, known, key="--ros-args")
+
     def serve_parameters(self, change: Callable[[Mapping[str, Any]], str]) -> None:
-        """Have ``change`` take parameters that are set; it returns why not, or no text."""
+        """Have ``change`` take parameters that are set; it returns why not, or no text.
+
+        Raises:
+            UnknownNameError: the node was started with one that is not known.
+
+        """
+        self.check_parameters()
         result = _module("rcl_interfaces.msg").SetParametersResult
 
         def take(parameters: Sequence[Any]) -> Any:

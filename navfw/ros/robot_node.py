@@ -60,6 +60,7 @@ class RosPilot:
         *,
         free: bool = False,
     ) -> None:
+        node.check_parameters()  # it has none
         self.state = StackState(time=0.0)
         self._node, self._robot, self._simulator, self._pace = node, robot, simulator, pace
         self._free = free

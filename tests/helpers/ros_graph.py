@@ -82,6 +82,9 @@ class GraphNode:
         self.declared.append(name)
         return self.parameters.get(name, default)
 
+    def check_parameters(self) -> None:
+        pass
+
     def serve_parameters(self, change: Callable[[Mapping[str, Any]], str]) -> None:
         self.change = change
 

@@ -323,3 +323,16 @@ def test_wrong_words_end_with_2_before_ros_starts(tmp_path: Path) -> None:
         with started(tmp_path, *words) as process:
             assert process.wait(60.0) == 2
         assert "navfw: " in said(tmp_path, words[0])
+
+
+@pytest.mark.usefixtures("domain")
+def test_parameters_that_are_not_known_end_with_2(tmp_path: Path) -> None:
+    for words, name, remedy in (
+        (("drive", "--map", "empty"), "avoid.wieght", "did you mean 'avoid.weight'?"),
+        (("sense",), "publsh_tf", "did you mean 'publish_tf'?"),
+        (("sim", "empty"), "wheels", "known: use_sim_time"),
+    ):
+        with started(tmp_path, *words, *SIM_TIME, "-p", f"{name}:=1") as process:
+            assert process.wait(200.0) == 2
+        told = " ".join(said(tmp_path, words[0]).split())
+        assert f"--ros-args: unknown parameter {name!r}: {remedy}" in told
