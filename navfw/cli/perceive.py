@@ -220,7 +220,7 @@ def _perceive(given: PerceiveOptions, bag: Bag | None = None, own: BagInputs | N
             images = opened(calibration)
             perceiver = Perceiver(options, images, default_registry())
         counter = _ResultCounter(perceiver, bar, [] if bag is None else bag.assumed)
-        page, server = _pages(given, f"Perceived: {given.source[0] if given.source else images}")
+        page, server = _pages(given, images, lambda: perceiver.assumed(counter.assumed))
         if server is not None:
             bar.show_part("waiting for the first viewer")
         pages = [one for one in (page, server) if one is not None]
@@ -297,9 +297,12 @@ def _results(
             yield result
 
 
-def _pages(given: PerceiveOptions, title: str) -> tuple[PerceivePage | None, PerceiveServer | None]:
+def _pages(
+    given: PerceiveOptions, images: ImageSource, assumed: Callable[[], list[Assumption]]
+) -> tuple[PerceivePage | None, PerceiveServer | None]:
     """Return the page to write and the live one, None if they are not wanted."""
     page = server = None
+    title = f"Perceived: {given.source[0] if given.source else images}"
     if given.page is not None:
         from navfw.report.report_page import PerceivePage
 
@@ -307,7 +310,7 @@ def _pages(given: PerceiveOptions, title: str) -> tuple[PerceivePage | None, Per
     if given.live:
         from navfw.report.perceive_live import PerceiveServer
 
-        server = PerceiveServer(title, given.port)
+        server = PerceiveServer(title, given.port, assumed)
         echo(f"live: {server.url} (the first viewer begins it)", err=True)
     return page, server
 
@@ -366,11 +369,7 @@ class _ResultCounter:
     def counted(self, results: Iterable[PairResult]) -> Iterator[PairResult]:
         for result in results:
             if not self._pairs:
-                size = self._perceiver.size
-                assert size is not None  # noqa: S101 - known from the first image on
-                others = self._perceiver.options.assumptions(self._perceiver.source, size)
-                said = {one.what for one in others}
-                self.assumed = [*(one for one in self.assumed if one.what not in said), *others]
+                self.assumed = self._perceiver.assumed(self.assumed)
                 print_assumed(self.assumed)
             self._pairs += 1
             self._metric += result.scale.metric

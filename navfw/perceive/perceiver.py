@@ -10,6 +10,7 @@ from typing import cast
 
 import numpy as np
 
+from navfw.assumption import Assumption
 from navfw.camera_geometry.rotations import derotate
 from navfw.egomotion.flow_egomotion import MotionKind
 from navfw.egomotion.refinement import RefinementParams, refine
@@ -126,6 +127,13 @@ class Perceiver:
                 self._number += 1
                 yield item, self._result(past, now, size)
             earlier.append(now)
+
+    def assumed(self, known: Sequence[Assumption]) -> list[Assumption]:
+        """Return what is assumed from the first image on, after what was ``known`` before it."""
+        assert self.size is not None  # noqa: S101 - known from the first image on
+        others = self.options.assumptions(self.source, self.size)
+        said = {one.what for one in others}
+        return [*(one for one in known if one.what not in said), *others]
 
     def _start(self, first: SourceImage) -> WorkingSize:
         height, width = first.image.shape[:2]

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from navfw.assumption import Assumption
 from navfw.config.extras import extra_imports
 from navfw.numerics import Image
 from navfw.recording.page_server import PageServer
@@ -20,7 +21,8 @@ with extra_imports("record"):
 class PerceiveServer(PageServer):
     """Serves the results of the images called ``title`` at their own speed, until it is closed.
 
-    It begins with the first viewer; whoever comes later sees the newest result first.
+    It begins with the first viewer; whoever comes later sees the newest result first. With each
+    result it shows what is ``assumed`` by then.
 
     Raises:
         InputError: the port is in use, or must not be used.
@@ -31,8 +33,10 @@ class PerceiveServer(PageServer):
     protocols = (Subprotocol("navfw.perceive.v1"),)
     max_request = 1 << 10
 
-    def __init__(self, title: str, port: int = 0) -> None:
-        self._newest, self._begun = "", 0.0
+    def __init__(
+        self, title: str, port: int = 0, assumed: Callable[[], Sequence[Assumption]] = list
+    ) -> None:
+        self._newest, self._begun, self._assumed = "", 0.0, assumed
         super().__init__(port, PerceivePage(title).render([], live=True))
 
     def add(self, picture: Image, result: Mapping[str, Any]) -> None:
@@ -40,7 +44,8 @@ class PerceiveServer(PageServer):
         while not (self._begun or self._server.connections):
             self.serve()
         self._begun = self._begun or time.monotonic() - result["time"]
-        self._newest = json.dumps(moment_of(picture, result))
+        assumed = [f"assumed: {one}" for one in self._assumed()]
+        self._newest = json.dumps({**moment_of(picture, result), "assumed": assumed})
         self.serve(max(0.0, self._begun + result["time"] - time.monotonic()))
         broadcast(self._server.connections, self._newest)
         self.serve(0.0)

@@ -12,6 +12,7 @@ from perceive_images import save
 from report_browser import seen_in_browser
 from websockets.sync.client import connect
 
+from navfw.assumption import Assumption
 from navfw.numerics import Image
 from navfw.report.perceive_live import PerceiveServer
 from navfw.report.report_page import PerceivePage
@@ -76,7 +77,8 @@ def test_of_a_long_sequence_evenly_spaced_pictures_are_shown(count: int, shown: 
 
 
 def test_the_live_page_shows_the_results_from_the_first_viewer_on(tmp_path: Path) -> None:
-    server, begun = PerceiveServer("a drive"), threading.Event()
+    taken = [Assumption("pitch", "0 degrees", "", "--pitch"), Assumption("lens", "none")]
+    server, begun = PerceiveServer("a drive", assumed=lambda: taken), threading.Event()
 
     def work() -> None:
         for number in range(12):
@@ -92,6 +94,8 @@ def test_the_live_page_shows_the_results_from_the_first_viewer_on(tmp_path: Path
         browser.wait_for("document.getElementById('sentence').textContent.endsWith(', 11')")
         assert browser.evaluate("document.querySelectorAll('#said tr').length") == 1
         assert browser.evaluate("document.getElementById('live').textContent") == "1.1 s"
+        told = browser.evaluate("document.getElementById('assumed').innerText")
+        assert told == "assumed: pitch: 0 degrees (--pitch)\nassumed: lens: none"
         worker.join()
         server.close()
         browser.wait_for("document.getElementById('live').textContent.includes('ended')")
