@@ -16,6 +16,8 @@ Left out are changes of what has no effect when the program runs:
 - ``slots`` and ``frozen`` of dataclasses: mypy refuses what they refuse;
 - ``if TYPE_CHECKING``.
 
+Drawn mutants that ``EQUIVALENT`` explains are not counted either.
+
 The tests run in copies of the project, which load compiled kernels from numba's cache. A kernel has
 what it calls, and all constants, in its machine code: with a mutant, the kernels of all modules
 that import the mutated one are compiled anew. First come the test files that name what the mutated

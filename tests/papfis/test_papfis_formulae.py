@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from papfis_maps import belief, row
 
+from navfw.numerics import Mask
 from navfw.papfis.explorer import Explorer
 from navfw.papfis.found_doors import FoundDoors
 from navfw.papfis.frontier_kernels import unseen_in_view
@@ -19,25 +20,27 @@ SHAPE = 9, 41
 MIDDLE = np.array([[4, 20]])
 
 
-def view(unseen: bool, reach: float, wall: int | None = None) -> float:
-    """Unseen cells in view from the middle, all seen or none; with a wall in a row."""
+def view(unseen: Mask, reach: float, wall: int | None = None) -> float:
+    """Area [cells] of what is ``unseen`` in view from the middle, with a wall in a row."""
     occupied = np.zeros(SHAPE, dtype=np.bool_)
     if wall is not None:
         occupied[wall] = True
-    cells = np.full(SHAPE, unseen)
-    return float(unseen_in_view(cells, occupied, MIDDLE, reach, 0.1, 720)[0])
+    return float(unseen_in_view(unseen, occupied, MIDDLE, reach, 0.1, 720)[0])
 
 
 def test_the_view_is_a_disc_of_what_is_unseen() -> None:
-    assert view(True, 3.0) == pytest.approx(9.0 * math.pi)
-    assert view(True, 12.0) == pytest.approx(144.0 * math.pi)  # the outside is unseen
-    assert view(False, 4.4) == 0.0
+    everything, corners = np.ones(SHAPE, dtype=np.bool_), np.zeros(SHAPE, dtype=np.bool_)
+    assert view(everything, 3.0) == pytest.approx(9.0 * math.pi)
+    assert view(everything, 12.0) == pytest.approx(144.0 * math.pi)  # the outside is unseen
+    corners[np.ix_([0, 8], [16, 24])] = True
+    assert view(corners, 4.4) == 0.0
 
 
 @pytest.mark.parametrize(("wall", "rows"), [(3, 0.5), (5, 0.5), (2, 1.5), (7, 2.5)])
 def test_a_wall_hides_what_is_beyond(wall: int, rows: float) -> None:
     beyond = 16.0 * math.acos(rows / 4.0) - rows * math.sqrt(16.0 - rows * rows)
-    assert view(True, 4.0, wall) == pytest.approx(16.0 * math.pi - beyond, rel=0.01)
+    area = view(np.ones(SHAPE, dtype=np.bool_), 4.0, wall)
+    assert area == pytest.approx(16.0 * math.pi - beyond, rel=0.01)
 
 
 def test_without_a_grid_an_explorer_heads_a_metre_ahead() -> None:
