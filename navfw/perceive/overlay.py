@@ -172,8 +172,9 @@ COLOURS: dict[str, Colour] = {
     "far": (178, 114, 0),
     "floor": (115, 158, 0),
     "unknown": (150, 150, 150),
+    "small things": (66, 228, 240),
 }
-"""Colours of the distance terms, of the floor, and of unknown cells."""
+"""Colours of the distance terms, of the floor, of unknown cells, and of small things."""
 _INK, _PAPER, _FAINT, _WARNING = (30, 26, 24), (250, 250, 250), (170, 165, 160), (60, 190, 250)
 _PLANE, _FOCUS = (255, 255, 160), (120, 255, 120)
 _KEY = (*COLOURS.items(), ("flow", _PAPER), ("planes", _PLANE), ("heading", _FOCUS))
@@ -183,7 +184,7 @@ _LETTERS = 17.0
 _LINE = 24
 _MARGIN = 18
 _LINES = 6
-_KEY_WIDTH = 580
+_KEY_WIDTH = 700
 """Width [px] from which the key fits on one line."""
 _SHIFT = 4
 _NEWEST = 0.05
@@ -216,6 +217,11 @@ def draw(image: Image, result: PairResult, size: WorkingSize) -> Image:
         if result.focus is not None:
             _draw_focus(scene, np.array(result.focus) * scale, result, scale)
     _label_quadrants(scene, result, corners)
+    for thing in result.small or ():
+        box, ink = np.array(thing.box).reshape(2, 2) * (width, height), COLOURS["small things"]
+        _frame(scene, box[0], box[1], ink)
+        at = float(box[0, 0]), min(float(box[1, 1]) + 17.0, height - 5.0)
+        write(scene, f"{thing.distance:.1f}", at, 14.0, ink, halo=_INK)
     return np.concatenate([scene, _caption(result, width)])
 
 
@@ -264,16 +270,18 @@ def _draw_quadrants(scene: Image, result: PairResult, corners: tuple[Array, Arra
     for layer in list(percept.obstacles.values())[1:]:
         for name, term in layer.items():
             low, high = _region(name, corners)
-            for colour, thick in ((_INK, 5), (COLOURS[term], 3)):
-                cv2.rectangle(
-                    scene, _fixed(low + 3), _fixed(high - 3), colour, thick, cv2.LINE_AA, _SHIFT
-                )
+            _frame(scene, low + 3, high - 3, COLOURS[term])
     middle = 0.5 * (corners[0] + corners[1])
     for begin, end in (
         ((middle[0], corners[0][1]), (middle[0], corners[1][1])),
         ((corners[0][0], middle[1]), (corners[1][0], middle[1])),
     ):
         cv2.line(scene, _fixed(begin), _fixed(end), (235, 235, 235), 1, cv2.LINE_AA, _SHIFT)
+
+
+def _frame(scene: Image, low: Array, high: Array, colour: Colour) -> None:
+    for ink, thick in ((_INK, 5), (colour, 3)):
+        cv2.rectangle(scene, _fixed(low), _fixed(high), ink, thick, cv2.LINE_AA, _SHIFT)
 
 
 def _label_quadrants(scene: Image, result: PairResult, corners: tuple[Array, Array]) -> None:
@@ -340,7 +348,7 @@ def _caption(result: PairResult, width: int) -> Image:
     ages = {one.says: f" ({one.age:.1f} s ago)" for one in result.statements if one.age >= _NEWEST}
     clauses = result.percept.sentence.split("; ")
     clauses = [clause + ages.get(clause.removeprefix("Layer1: "), "") for clause in clauses]
-    front = [clause for clause in clauses if not clause.startswith("Layer")]
+    front = [clause for clause in clauses if not clause.startswith(("Layer", "Small"))]
     right = _figures(result)
     room = width - 2 * _MARGIN
     y = _MARGIN + 15.0
@@ -351,7 +359,7 @@ def _caption(result: PairResult, width: int) -> Image:
     room_left = room - max(text_width(line, 14.0) for line in right) - 24.0
     lines: list[tuple[str, Colour]] = []
     for clause in clauses:
-        if clause.startswith("Layer"):
+        if clause not in front:
             lines += [(line, _PAPER) for line in wrap(clause, _LETTERS - 2, room_left)]
     if result.notes:
         lines += [(line, _WARNING) for line in wrap("; ".join(result.notes), _LETTERS - 2, room)]

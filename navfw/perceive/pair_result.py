@@ -11,6 +11,7 @@ from navfw.offis.elementary_situations import ELEMENTARY, TABLE
 from navfw.offis.percept_explanation import front_in
 from navfw.perceive.pair_motion import PairMotion, Scale
 from navfw.perceive.sentence_evidence import Statement, strongest_term
+from navfw.perceive.small_things import SmallThing
 from navfw.signals import FlowField, Percept
 
 
@@ -19,9 +20,9 @@ class PairResult:
     """All values computed from one pair of images.
 
     ``flow`` is derotated and refers to the working image. ``front`` has the probabilities of the
-    surfaces ahead, by this pair only; {} if unknown. ``statements`` are those of the sentence, with
-    their evidence. ``focus`` (x, y) is the focus of expansion [px from the top left of the original
-    image], None if it is unknown; ``focal`` is the focal length [px of the original image].
+    surfaces ahead, by this pair only; {} if unknown. ``small`` is None if unknown. ``statements``
+    have their evidence. ``focus`` (x, y) is the focus of expansion [px from the top left of the
+    original image], None if it is unknown; ``focal`` is the focal length [px of that image].
     ``rotation_vector`` (3,) [rad] is the camera's rotation about base_link's x, y, z (roll, pitch,
     yaw); ``motion`` is the estimate before it is refined by the flow on the grid.
 
@@ -40,6 +41,7 @@ class PairResult:
     flow: FlowField
     percept: Percept
     front: dict[str, float]
+    small: tuple[SmallThing, ...] | None
     statements: tuple[Statement, ...]
     rotation_vector: Array
     focus: tuple[float, float] | None
@@ -72,6 +74,7 @@ def as_data(result: PairResult) -> dict[str, Any]:
         "frames": [result.past, result.now],
         "sentence": percept.sentence,
         "statements": [_statement(one) for one in result.statements],
+        "small_things": None if result.small is None else [_thing(one) for one in result.small],
         "known": result.known,
         "confidence": _n(result.confidence),
         "obstacles": {layer: dict(parts) for layer, parts in percept.obstacles.items()},
@@ -112,6 +115,12 @@ def as_data(result: PairResult) -> dict[str, Any]:
 def _statement(one: Statement) -> dict[str, Any]:
     probability, age = _n(one.probability), _n(one.age)
     return {"what": one.what, "says": one.says, "probability": probability, "age_s": age}
+
+
+def _thing(one: SmallThing) -> dict[str, Any]:
+    sizes = {name: _n(getattr(one, name)) for name in ("distance", "width", "height")}
+    bearing, box = _n(math.degrees(one.bearing)), [_n(share) for share in one.box]
+    return {**sizes, "bearing_deg": bearing, "box": box}
 
 
 def as_line(result: PairResult) -> str:

@@ -36,7 +36,8 @@ from navfw.perceive.perceiver_options import (
     are_alike,
     has_texture,
 )
-from navfw.perceive.sentence_evidence import HeldWords, front_probabilities
+from navfw.perceive.sentence_evidence import HeldWords, front_probabilities, with_nearest
+from navfw.perceive.small_things import SmallThings
 from navfw.plugins import Registry
 from navfw.robot import CameraModel, RobotModel
 from navfw.robot.camera_models import RATES
@@ -87,6 +88,7 @@ class _Prepared:
     name: str
     frame: Frame
     track: TrackImage
+    full: Frame
 
 
 class Perceiver:
@@ -121,7 +123,8 @@ class Perceiver:
                 self._motions.interrupt()
                 self._words.interrupt()
             frame = Frame(item.time, size.prepare(item.image))
-            now = _Prepared(item.name, frame, TrackImage.of(item.image))
+            track = TrackImage.of(item.image)
+            now = _Prepared(item.name, frame, track, Frame(item.time, track.grey))
             if earlier:
                 past = earlier[-min(self._stride, len(earlier))]
                 self._number += 1
@@ -150,6 +153,7 @@ class Perceiver:
         pitch = None if o.pitch is None else math.radians(o.pitch)
         self._floors = FloorFinder(self._camera, (rows, cols), pitch)
         self._words = HeldWords()
+        self._small = SmallThings(self._camera.focal / (size.scale * width))
         self._number = 0
         return size
 
@@ -168,9 +172,8 @@ class Perceiver:
         if problems == [_UNRELATED]:
             self._words.interrupt()
         self._choose_stride(raw, flow, motion)
-        ratio = None if floor is None else floor.ratio
         self._scales.speed = self.options.speed_between(past.frame.time, now.frame.time)
-        scale = self._scales.update(None if ratio is None else ratio / motion.dt)
+        scale = self._scales.update(None if floor is None else floor.ratio / motion.dt)
         way = scale.speed * motion.dt
         flow = _scaled(flow, way)
         if not problems:
@@ -186,10 +189,11 @@ class Perceiver:
         if not problems and motion.egomotion.kind in DIRECTIONS:
             notes += (DIRECTIONS[motion.egomotion.kind],)
         regions = percept.explanation["regions"]
-        # while the camera moves backward nothing approaches
-        closing = max(float(flow.motion.translation[2]) / motion.dt, 0.0)
+        closing = max(float(flow.motion.translation[2]) / motion.dt, 0.0)  # nothing if backward
         contact = _inverse(closing * nearness_ahead(percept, flow, self._camera))
-        percept, statements = self._words.hold(percept, front, contact, known=not problems)
+        small = self._small.find(now.full, past.full, derotated.motion, None if problems else floor)
+        said = self._words.hold(percept, front, contact, known=not problems)
+        percept, statements = with_nearest(said, small or ())
         return PairResult(
             number=self._number,
             past=past.name,
@@ -200,6 +204,7 @@ class Perceiver:
             flow=flow,
             percept=percept,
             front=front,
+            small=small,
             statements=statements,
             rotation_vector=rotation_vector(flow.motion.rotation, self._camera),
             focus=self._focus(motion, size),

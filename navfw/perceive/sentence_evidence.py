@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -24,6 +24,7 @@ from navfw.offis.percept_explanation import report
 from navfw.offis.pyramid import QUADRANTS, position
 from navfw.perceive.floor_motion import MIN_FALL
 from navfw.perceive.pair_motion import NO_FLOOR
+from navfw.perceive.small_things import SmallThing, nearest_clause
 from navfw.robot import CameraModel
 from navfw.signals import Label, Percept
 
@@ -160,8 +161,9 @@ _RIGHT, _EVEN = 0.83, 0.5
 """Share of the named nearest objects that are right by the labels: 315 of 378, and if few pairs
 show the present regions 3 of 6."""
 
-_FLOOR = 0.99
-"""Share of named floors in front that are right: 346 of 346, by the rule of succession 0.99."""
+_FLOOR, _THING = 0.99, 0.97
+"""Share of named floors in front that are right: 346 of 346, by the rule of succession 0.99; of
+small things that are something: 864 of 879 rendered images."""
 
 Layers = Mapping[str, Mapping[str, str]]
 
@@ -306,6 +308,17 @@ class HeldWords:
         }
         share = sets.count(regions) / len(sets)
         return layers, (min(max(share, _EVEN), _RIGHT), last.time)
+
+
+def with_nearest(
+    said: tuple[Percept, tuple[Statement, ...]], things: Sequence[SmallThing]
+) -> tuple[Percept, tuple[Statement, ...]]:
+    """Return what is ``said``, with the first of ``things``, if any, before all else."""
+    percept, statements = said
+    for says in map(nearest_clause, things[:1]):
+        percept = replace(percept, sentence=f"{says}; {percept.sentence}")
+        statements = (Statement("small", says, _THING, 0.0), *statements)
+    return percept, statements
 
 
 def strongest_term(degrees: Mapping[str, float]) -> str:

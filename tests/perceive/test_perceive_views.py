@@ -25,6 +25,7 @@ from navfw.perceive.pair_result import PairResult
 from navfw.perceive.perceiver import NO_FLOOR, Perceiver
 from navfw.perceive.perceiver_options import PerceiverOptions, WorkingSize
 from navfw.perceive.sentence_evidence import Statement
+from navfw.perceive.small_things import SmallThing
 from navfw.plugins import default_registry
 from navfw.recording import run_folder
 from navfw.robot import RobotModel
@@ -170,7 +171,7 @@ def test_distances_are_judged_by_the_height_of_the_camera(
     assert perceiver._offis_at(ScaleEstimator(40.0, 3.0).update(None)).params.farthest == 200.0
 
 
-@pytest.mark.parametrize(("known", "digest"), [(True, "9dde1459e137"), (False, "61397b770082")])
+@pytest.mark.parametrize(("known", "digest"), [(True, "e0b3955e192a"), (False, "94bea4b1fb6e")])
 def test_a_result_is_drawn_always_the_same(known: bool, digest: str) -> None:
     robot, note = RobotModel(), "the camera is near something, and this note is long " * 3
     flow = wall_flow(robot, 0.2, 0.8, 2.0, 0.5)
@@ -181,6 +182,7 @@ def test_a_result_is_drawn_always_the_same(known: bool, digest: str) -> None:
         *(1, "a.png", "b.png", 0.4, motion, ScaleEstimator(0.3, 1.2).update(None), flow),
         percept=Offis(robot).perceive(flow, Twist(0.3, 0.0)),
         front={"wall": 0.9, "other": 0.1},
+        small=(SmallThing(2.3, -0.1, 0.2, 0.1, (0.4, 0.7, 0.5, 0.9)),),
         statements=(Statement("front", "Front is a corridor", 0.8, 0.3),),
         rotation_vector=np.zeros(3),
         focus=(170.0, 110.0) if known else None,
