@@ -74,12 +74,10 @@ def test_a_low_thing_is_seen_at_braking_distance(height: float, slip: float) -> 
     assert around(places, 1.5 * slip, thing.y, 0.2).all()
 
 
-@pytest.mark.parametrize(
-    ("turn", "light", "slip"),
-    [(-0.03, 0.0, 1.0), (0.03, 1.5, 1.0), (0.0, 0.0, 0.96), (0.0, 1.5, 1.04)],
-)
-def test_floor_is_floor(turn: float, light: float, slip: float) -> None:
-    grid, found = driven(to=2.0, turn=turn, light=light, slip=slip)
+@pytest.mark.parametrize("turn", [-0.03, 0.0, 0.03])
+@pytest.mark.parametrize("light", [0.0, 1.5])
+def test_floor_is_floor(turn: float, light: float) -> None:
+    grid, found = driven(to=2.0, turn=turn, light=light)
     assert not grid.occupied.any()
     assert len(found) > 10
     assert np.median(np.concatenate(found)[:, 2]) == -0.6
