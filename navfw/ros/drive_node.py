@@ -379,6 +379,7 @@ class DriveNode:
                 "pose": None if belief is None else [belief.pose.x, belief.pose.y, belief.pose.yaw],
                 "lost": belief is not None and belief.lost,
                 "stamp": stamp,
+                "goal": [self._goals[-1].x, self._goals[-1].y] if self._goals else None,
                 "finished": state.finished,
                 "still": still,
                 "stuck": state.stuck,

@@ -1,5 +1,6 @@
 """A driving node among late, lost, slow and hostile messages; without ROS, in simulated time."""
 
+import json
 import math
 from collections.abc import Callable, Sequence
 from types import SimpleNamespace
@@ -106,6 +107,12 @@ def test_a_silent_sensor_is_named_and_slows_or_stops_the_robot(
     assert 3.0 < named[0] < 4.0
 
 
+def status_of(graph: Graph) -> dict[str, Any]:
+    text = deserialize_cdr(graph.sent["navfw/status"], "std_msgs/msg/String").data
+    status: dict[str, Any] = json.loads(text)
+    return status
+
+
 def test_a_stop_holds_until_resume_and_is_no_fault(monkeypatch: pytest.MonkeyPatch) -> None:
     graph, speeds, said = Graph(), list[float](), list[str]()
 
@@ -128,6 +135,7 @@ def test_a_stop_holds_until_resume_and_is_no_fault(monkeypatch: pytest.MonkeyPat
     assert drive.stack.state.finished
     assert drive.stack.state.belief is not None
     assert drive.stack.state.belief.pose.x == pytest.approx(2.0, abs=0.4)
+    assert status_of(graph)["goal"] == [2.0, 0.0]
 
 
 def test_a_cancelled_drive_has_not_reached_its_goal(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -141,6 +149,7 @@ def test_a_cancelled_drive_has_not_reached_its_goal(monkeypatch: pytest.MonkeyPa
     drive.run()
     assert drive.ended == "no goal"
     assert drive.speed == 0.0
+    assert status_of(graph)["goal"] is None
 
 
 @pytest.mark.parametrize("cancelled", [False, True])
