@@ -1,11 +1,11 @@
-"""Walls by the map: those beside its passages correct the pose, those of its plan bar turns.
+"""Walls by the map: those beside its passages correct the pose, those it has not seen bar turns.
 
 A topological map has no walls, but it has straight passages with their widths: a corridor has a
 wall on each side, parallel to its edge and equally far from it; a door is a gap of known width in a
 wall across its edge (METHOD 4.1). Seen, they give heading and lateral position.
 
 A camera does not see what is beside the robot. A round body may turn there; the corners of another
-one swing out to walls that it has never seen, but which the floor plan shows (``KnownWalls``).
+one swing out to walls that it has never seen, but which the map has (``KnownWalls``).
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from navfw.numerics.linear_systems import inverse, solve
 from navfw.numerics.products import product
 from navfw.robot import RobotModel
 from navfw.signals import Belief, Pose, wrap_angle
+from navfw.signals.immutability import read_only
 from navfw.topomap import Passage, Place, TopoMap
 from navfw.topomap.occupancy_map import OccupancyMap
 
@@ -236,20 +237,23 @@ REACH = 2.0  # chosen
 """Distance [m] from the robot up to which walls count."""
 SURE_XY, SURE_YAW = 0.1, 0.1  # chosen
 """Largest standard deviations [m, rad] of the pose with which they count."""
+_BESIDE_DOOR = read_only(np.arange(0.03, 0.3, 0.05))  # chosen
+"""Distances [m] from a door's post of the points of its wall."""
 
 
 class KnownWalls:
-    """Provides points on the walls of ``plan`` near the robot, where its pose is certain."""
+    """Provides ``points`` (n, 2) [m, map] on walls near the robot, where its pose is certain."""
 
-    def __init__(self, plan: OccupancyMap) -> None:
-        opened = np.pad(~plan.occupied, 1, constant_values=True)
-        beside = opened[:-2, 1:-1] | opened[2:, 1:-1] | opened[1:-1, :-2] | opened[1:-1, 2:]
-        self._points = plan.centres(*np.nonzero(plan.occupied & beside))
+    def __init__(self, points: Array) -> None:
+        self._points = points
 
     @classmethod
-    def of(cls, plan: OccupancyMap | None, robot: RobotModel) -> KnownWalls | None:
-        """Return the walls of ``plan``; None without it, or for a round body, which may turn."""
-        return None if plan is None or robot.footprint is None else cls(plan)
+    def of(cls, topo_map: TopoMap, robot: RobotModel) -> KnownWalls | None:
+        """Return the walls of the floor plan, or those beside doors; None for a round body."""
+        if robot.footprint is None:
+            return None
+        plan = topo_map.floor_plan
+        return cls(_beside_doors(topo_map) if plan is None else _faces(plan))
 
     def around(self, belief: Belief, pose: Pose) -> Array:
         """Return wall points (n, 2) [m, odom] within 2 m of odom ``pose``; none while unsure."""
@@ -259,3 +263,23 @@ class KnownWalls:
             return np.empty((0, 2))
         off = np.abs(self._points - (at.x, at.y)).max(axis=1, initial=0.0)
         return pose.points_to_parent(at.points_to_local(self._points[off <= REACH]))
+
+
+def _faces(plan: OccupancyMap) -> Array:
+    """Return the centres (n, 2) [m, map] of occupied cells of a plan that touch a free one."""
+    opened = np.pad(~plan.occupied, 1, constant_values=True)
+    beside = opened[:-2, 1:-1] | opened[2:, 1:-1] | opened[1:-1, :-2] | opened[1:-1, 2:]
+    return plan.centres(*np.nonzero(plan.occupied & beside))
+
+
+def _beside_doors(topo_map: TopoMap) -> Array:
+    """Return points (n, 2) [m, map] of the walls on both sides of each door of known width."""
+    walls = [np.empty((0, 2))]
+    for place in topo_map.places.values():
+        width = min((p.width for p in topo_map.passages_at(place.name)), default=math.inf)
+        normal = topo_map.door_normal(place)
+        if place.kind == "door" and normal is not None and math.isfinite(width):
+            off = 0.5 * width + _BESIDE_DOOR
+            off = np.concatenate([-off, off])[:, None]
+            walls.append((place.x, place.y) + off * (-normal[1], normal[0]))
+    return np.concatenate(walls)

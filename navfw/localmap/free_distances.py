@@ -29,6 +29,8 @@ from navfw.signals import Pose, Twist
 from navfw.signals.immutability import Frozen, read_only
 
 _SECTORS = 48  # chosen
+_SWING = 2.0  # chosen
+"""Radius of an arc, in reaches of the body, up to which its corners swing out to unseen floor."""
 _BESIDE = np.ones((3, 3), np.uint8)  # defined
 
 _BEARINGS = read_only(np.linspace(-math.pi, math.pi, _SECTORS + 1)[1:])  # defined
@@ -97,6 +99,10 @@ def arcs_of(
     known = np.where(known < reach, np.maximum(known - rim, 0.0), reach)
     observed[backward] = known[0]
     free[backward] = np.minimum(free[backward], known[1])
+    if robot.footprint is not None:
+        swings = speeds[forward, None] <= _SWING * np.abs(turns) * robot.reach
+        blind = swept(seen, forward)[0]
+        free[forward] = np.where(swings, np.minimum(free[forward], blind), free[forward])
     return Arcs(free, observed, clearance + margin, turn, reach)
 
 
@@ -120,9 +126,8 @@ def free_distance(
         contact, unobserved, _ = follow_arc(ground, _start(pose), v, w, robot.radius, reach, 0.0)
     else:
         discs = np.array(robot.discs)
-        # about a point within the body, its inner side goes backward
-        is_forward = v > abs(w) * robot.radius
-        around = occupancy.clearance if is_forward else occupancy.blind_clearance
+        swings = v <= _SWING * abs(w) * robot.reach
+        around = occupancy.blind_clearance if swings else occupancy.clearance
         ground = ground_of(occupancy, seen, around)
         contact, unobserved, _ = follow_body(ground, _start(pose), v, w, discs, 0.0, reach, 0.0)
     return FreeDistance(contact, unobserved)

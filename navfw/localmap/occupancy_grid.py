@@ -277,9 +277,9 @@ class OccupancyGrid:
         self._obstacles = discs
 
     def set_walls(self, points: Array) -> None:
-        """Set odom ``points`` (n, 2) [m] of known walls, for ``blind_clearance``."""
+        """Set odom ``points`` (n, 2) [m] of known walls: clearances count them where unobserved."""
         self._walls = points
-        self._blind_clearance = None
+        self._clearance = self._blind_clearance = None
 
     def _forget_derived(self) -> None:
         self._clearance = self._blind_clearance = None
@@ -360,9 +360,12 @@ class OccupancyGrid:
 
     @property
     def clearance(self) -> Array:
-        """Distance (n, n) [m] to the nearest occupied cell; unobserved cells count as free."""
+        """Distance (n, n) [m] to the nearest occupied cell; unobserved cells count as free.
+
+        Walls that were set count where they are unobserved.
+        """
         if self._clearance is None:
-            self._clearance = self._distances(self.occupied)
+            self._clearance = self._distances(self._barring)
         return self._clearance
 
     def clearance_near(self, x: float, y: float, away: float) -> Array:
@@ -372,28 +375,36 @@ class OccupancyGrid:
         half = math.ceil(away / self.params.cell)
         window = tuple(slice(max(at - half, 0), at + half + 1) for at in self.index(x, y))
         near = np.full(self.log_odds.shape, self.params.extent)
-        near[window] = self._distances(self.occupied[window])
+        near[window] = self._distances(self._barring[window])
         return near
+
+    @property
+    def _barring(self) -> Mask:
+        """Which cells (n, n) are occupied, or unobserved ones of walls that were set."""
+        occupied = self.occupied
+        if len(self._walls):
+            at, inside = clipped_cells(self._walls, self.origin, self.params.cell, self.size)
+            rows, columns = at[0][inside], at[1][inside]
+            occupied[rows, columns] |= self.observed[rows, columns] == 0
+        return occupied
 
     @property
     def blind_clearance(self) -> Array:
         """Clearance (n, n) [m] for parts of a body that go where the camera does not look.
 
         Cells that are not observed free count as occupied too, if they are within 0.15 m of an
-        occupied cell, or in a wall that was set.
+        occupied cell.
         """
         if self._blind_clearance is None:
-            at, inside = clipped_cells(self._walls, self.origin, self.params.cell, self.size)
             hidden = self.clearance <= _WALL_DEPTH
-            hidden[at[0][inside], at[1][inside]] = True
-            self._blind_clearance = self._distances(hidden & (self.observed == 0) | self.occupied)
+            self._blind_clearance = self._distances(hidden & (self.observed == 0) | self._barring)
         return self._blind_clearance
 
     def clearance_with(self, discs: tuple[OccupiedDisc, ...]) -> Array:
         """Compute the ``clearance`` (n, n) [m] as if ``discs`` were occupied as well."""
         if not discs:
             return self.clearance
-        return self._distances(self._painted(self.occupied, discs))
+        return self._distances(self._painted(self._barring, discs))
 
     def _distances(self, occupied: Mask) -> Array:
         return distances(occupied, self.params.cell, self.params.extent)

@@ -84,7 +84,7 @@ class Stack:
         self.planner = guarded_stages.GuardedPlanner(self.guard, build(stages["planner"]))
         self.controller = guarded_stages.GuardedController(self.guard, build(stages["controller"]))
         self.local_map = LocalMap(robot, settings.local_map)
-        self.known_walls = KnownWalls.of(topo_map.floor_plan, robot)
+        self.known_walls = KnownWalls.of(topo_map, robot)
         self.tracker = Tracker(robot, settings.movers.tracking)
         self.conflicts = ConflictPredictor(robot, settings.movers.conflicts)
         self.mofis = mofis_of(config, robot, self.guard, self.local_map)

@@ -20,7 +20,7 @@ from navfw.plugins import default_registry
 from navfw.robot import Footprint, RobotModel
 from navfw.signals import Belief, Odometry, Pose, Twist, wrap_angle
 from navfw.stack import load_stack
-from navfw.topomap import TopoMap
+from navfw.topomap import Passage, Place, TopoMap
 from navfw.topomap.occupancy_map import FREE, OCCUPIED, OccupancyMap
 
 SURE_XY = 0.1
@@ -287,20 +287,34 @@ def test_a_stack_takes_it_by_its_name_alone() -> None:
 
 CELLS = np.full((100, 200), FREE, np.int8)
 CELLS[40:46, 20:180] = OCCUPIED
-WALL = OccupancyMap(CELLS, 0.05, Pose(-2.0, 1.0, 0.0))
+WALL = TopoMap(
+    "wall",
+    [Place("here", 1.0, 2.0)],
+    [],
+    floor_plan=OccupancyMap(CELLS, 0.05, Pose(-2.0, 1.0, 0.0)),
+)
 """A wall 0.3 m thick from (-1, 3) to (7, 3.3)."""
 SURE = Belief(0.0, Pose(1.0, 2.0, 0.5 * math.pi), np.diag([0.02, 0.02, 0.02]) ** 2)
 
 
+CART = RobotModel(footprint=Footprint(front=0.5, rear=0.1, width=0.3), track=0.2)
+
+
+def known_walls(topo_map: TopoMap = WALL) -> KnownWalls:
+    walls = KnownWalls.of(topo_map, CART)
+    assert walls is not None
+    return walls
+
+
 def test_walls_are_where_the_robot_sees_them() -> None:
     odom = Pose(10.0, 0.0, 0.0)  # the wall, 1 m ahead, runs across
-    points = KnownWalls(WALL).around(SURE, odom)
+    points = known_walls().around(SURE, odom)
     assert np.abs(points - (10.0, 0.0)).max() <= 2.0
     assert points[:, 0].min() == pytest.approx(11.0, abs=0.03)
     assert points[:, 0].max() == pytest.approx(11.3, abs=0.03)
     middle = points[np.abs(points[:, 1]) < 1.9]
     assert len(middle) == 2 * 76, "the surfaces alone, one point a cell"
-    turned = KnownWalls(WALL).around(SURE, Pose(10.0, 0.0, 0.5 * math.pi))
+    turned = known_walls().around(SURE, Pose(10.0, 0.0, 0.5 * math.pi))
     assert np.allclose(turned, np.column_stack([10.0 - points[:, 1], points[:, 0] - 10.0]))
 
 
@@ -315,14 +329,24 @@ def test_walls_are_where_the_robot_sees_them() -> None:
     ids=["lost", "position unsure", "heading unsure", "far off"],
 )
 def test_no_walls_are_known_without_a_pose(belief: Belief) -> None:
-    assert KnownWalls(WALL).around(belief, Pose(0.0, 0.0, 0.0)).shape == (0, 2)
+    assert known_walls().around(belief, Pose(0.0, 0.0, 0.0)).shape == (0, 2)
 
 
 def test_only_bodies_that_are_not_round_need_them() -> None:
-    cart = RobotModel(footprint=Footprint(front=0.5, rear=0.1, width=0.3), track=0.2)
-    assert KnownWalls.of(WALL, cart) is not None
-    assert KnownWalls.of(None, cart) is None
     assert KnownWalls.of(WALL, RobotModel()) is None
+
+
+def test_without_a_plan_the_walls_beside_doors_are_known() -> None:
+    places = [Place("hall", 0.0, 0.0), Place("door", 1.0, 1.0, "door"), Place("room", 2.0, 2.0)]
+    passages = [Passage("hall", "door", 1.5, width=0.9), Passage("door", "room", 1.5, width=0.8)]
+    walls = known_walls(TopoMap("slanting", places, passages))
+    points = walls.around(replace(SURE, pose=Pose(1.0, 1.0, 0.0)), Pose(0.0, 0.0, 0.0))
+    along = points @ np.array([[1.0, 1.0], [1.0, -1.0]]) / math.sqrt(2.0)
+    assert np.allclose(along[:, 0], 0.0), "across the way through the door"
+    beside = np.sort(along[:, 1])
+    assert beside[beside > 0.0].min() == pytest.approx(0.43, abs=0.01), "half the lesser width"
+    assert np.allclose(beside, -beside[::-1]), "on both sides"
+    assert 0.6 < beside.max() < 0.8
 
 
 @given(*[st.floats(-5.0, 5.0)] * 5)

@@ -89,6 +89,8 @@ def test_known_walls_count_where_the_camera_does_not_look() -> None:
     nearly_a_turn = Twist(0.1, 1.0)
     assert free_distance(occupancy, ORIGIN, nearly_a_turn).contact < 0.4
     assert free_distance(occupancy, ORIGIN, AHEAD).contact == 1.0
+    swinging_out = Twist(0.2, 0.3)
+    assert free_distance(occupancy, ORIGIN, swinging_out).contact < 0.6
     occupancy = occupancy_with()
     occupancy.set_walls(wall)
     assert free_turn(occupancy, ORIGIN, 1.0) == math.inf, "what is observed free is free"

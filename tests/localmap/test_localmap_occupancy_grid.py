@@ -212,7 +212,8 @@ def test_blind_clearance_is_kept_until_evidence_obstacles_or_walls_change() -> N
     assert not occupancy.occupied[cell]
     assert np.array_equal(occupancy.blind_clearance, before)
     occupancy.set_walls(np.array([[-1.0, 0.5], [0.6, 0.0], [99.0, 0.0]]))
-    assert occupancy.blind_clearance[cell] == 0.0 < occupancy.clearance[cell]
+    assert occupancy.blind_clearance[cell] == 0.0 == occupancy.clearance[cell]
+    assert not occupancy.occupied[cell], "the map is no evidence"
     assert occupancy.blind_clearance[occupancy.index(0.6, 0.0)] > 0.0, "it is observed free"
     occupancy.set_walls(np.empty((0, 2)))
     for _ in range(6):
