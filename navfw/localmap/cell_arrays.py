@@ -58,6 +58,14 @@ def clipped_cells(
     return (rows, columns), inside
 
 
+def marked_cells(points: Array, origin: tuple[float, float], cell: float, size: int) -> Mask:
+    """Return which cells (``size``, ``size``) have one of ``points`` (n, 2) [m]."""
+    (rows, columns), inside = clipped_cells(points, origin, cell, size)
+    marked = np.zeros((size, size), np.bool_)
+    marked[rows[inside], columns[inside]] = True
+    return marked
+
+
 def bounds(mask: Mask) -> tuple[slice, slice]:
     """Return the rows and columns that hold all cells of ``mask``; one cell if there is none."""
     if not mask.any():

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from pydantic import Field, model_validator
 
 from navfw.config.strict_model import StrictModel
-from navfw.localmap.cell_arrays import cell_disc, clipped_cells, distances, shifted
+from navfw.localmap.cell_arrays import cell_disc, clipped_cells, distances, marked_cells, shifted
 from navfw.localmap.low_layer import add_low_things, with_low_things
 from navfw.localmap.sensor_kernels import cast_evidence, decay_view, merge_evidence, rays_of
 from navfw.numerics import Array, Mask
@@ -258,16 +258,14 @@ class OccupancyGrid:
         p = self.params
         grids, height = (self._hit, self._free, self.log_odds), self.robot.camera.mount_height
         cast_evidence(*grids, *self.origin, p.cell, *at, height, *evidence, self._limits)
-        clamps = CLAMP_MIN, CLAMP_MAX
-        merge_evidence(self.log_odds, self._hit, self._free, p.hit, p.miss, *clamps)
+        merge_evidence(self.log_odds, self._hit, self._free, p.hit, p.miss, CLAMP_MIN, CLAMP_MAX)
         self._forget_derived()
 
     def _scale_view(self, grid: Array, pose: Pose, near: float, far: float, keep: float) -> None:
         """Scale what is negative in the view, from ``near`` to ``far`` [m], of odom ``pose``."""
         x, y = self._camera_position(pose)
-        cell = self.params.cell
+        cell, slope = self.params.cell, math.tan(0.5 * self.robot.camera.hfov)
         at = (y - self.origin[1]) / cell, (x - self.origin[0]) / cell
-        slope = math.tan(0.5 * self.robot.camera.hfov)
         decay_view(grid, *at, pose.yaw, slope, near / cell, far / cell, keep)
 
     def set_obstacles(self, discs: tuple[OccupiedDisc, ...]) -> None:
@@ -306,8 +304,7 @@ class OccupancyGrid:
 
     def contains(self, x: float, y: float) -> bool:
         """Return whether the odom point (x, y) [m] lies on the grid; raises like ``origin``."""
-        left, bottom = self.origin
-        side = (self.size - 1) * self.params.cell
+        (left, bottom), side = self.origin, (self.size - 1) * self.params.cell
         return 0.0 <= x - left <= side and 0.0 <= y - bottom <= side
 
     def occupied_at(self, x: float, y: float) -> bool:
@@ -360,10 +357,7 @@ class OccupancyGrid:
 
     @property
     def clearance(self) -> Array:
-        """Distance (n, n) [m] to the nearest occupied cell; unobserved cells count as free.
-
-        Walls that were set count where they are unobserved.
-        """
+        """Distance (n, n) [m] to the nearest occupied cell, or unobserved one of a set wall."""
         if self._clearance is None:
             self._clearance = self._distances(self._barring)
         return self._clearance
@@ -381,19 +375,17 @@ class OccupancyGrid:
     @property
     def _barring(self) -> Mask:
         """Which cells (n, n) are occupied, or unobserved ones of walls that were set."""
-        occupied = self.occupied
-        if len(self._walls):
-            at, inside = clipped_cells(self._walls, self.origin, self.params.cell, self.size)
-            rows, columns = at[0][inside], at[1][inside]
-            occupied[rows, columns] |= self.observed[rows, columns] == 0
-        return occupied
+        if not len(self._walls):
+            return self.occupied
+        walls = marked_cells(self._walls, self.origin, self.params.cell, self.size)
+        walls[self.observed != 0] = False
+        return self.occupied | walls
 
     @property
     def blind_clearance(self) -> Array:
         """Clearance (n, n) [m] for parts of a body that go where the camera does not look.
 
-        Cells that are not observed free count as occupied too, if they are within 0.15 m of an
-        occupied cell.
+        Unobserved cells within 0.15 m of an occupied one count as occupied too.
         """
         if self._blind_clearance is None:
             hidden = self.clearance <= _WALL_DEPTH
@@ -402,9 +394,7 @@ class OccupancyGrid:
 
     def clearance_with(self, discs: tuple[OccupiedDisc, ...]) -> Array:
         """Compute the ``clearance`` (n, n) [m] as if ``discs`` were occupied as well."""
-        if not discs:
-            return self.clearance
-        return self._distances(self._painted(self._barring, discs))
+        return self._distances(self._painted(self._barring, discs)) if discs else self.clearance
 
     def _distances(self, occupied: Mask) -> Array:
         return distances(occupied, self.params.cell, self.params.extent)

@@ -9,14 +9,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 LIMITS = {
-    "navfw/, lines of Python": 79881,
+    "navfw/, lines of Python": 80345,
     "navfw/, lines of stubs": 266,
-    "navfw/, lines of scripts, pages, styles and templates": 2466,
+    "navfw/, lines of scripts, pages, styles and templates": 2470,
     "behaviors/, lines of Python": 1582,
     "examples/, lines of Python": 1004,
     "benchmarks/, lines of Python, pages and stubs": 7430,
-    "tests/, lines of Python": 53526,
-    "docs/, words": 44988,
+    "tests/, lines of Python": 54241,
+    "docs/, words": 45000,
     "README.md, words": 900,
     "pyproject.toml, lines": 309,
 }
