@@ -1,6 +1,6 @@
 # navfw beside ROS 2, for "navfw ros drive" and "navfw ros sense":
 #   docker build -t navfw .
-#   docker run --rm --net=host navfw drive office --stack landmarks
+#   docker run --rm --net=host navfw drive --map office --stack landmarks
 # The kernels are compiled for the processor that builds; on another one: -v navfw-kernels:/var/cache/navfw,
 # and once: docker run --rm -v navfw-kernels:/var/cache/navfw --entrypoint navfw navfw warm
 ARG ROS_DISTRO=kilted

@@ -149,7 +149,9 @@
     part("state").className = told.ended ? (told.ended.startsWith("reached") ? "good" : "bad") : "";
     part("state").textContent = told.ended || (told.paused ? "paused" : "running");
     part("pause").textContent = told.paused ? "Resume" : "Pause";
-    part("speed").value = told.speed === null ? "" : String(told.speed);
+    const speed = told.speed === null ? "" : String(told.speed), choice = part("speed");
+    choice.value = speed;
+    if (choice.value !== speed) choice.add(new Option(`${speed} x real time`, speed, false, true));
     part("pause").disabled = part("speed").disabled = Boolean(told.ended);
   }
 

@@ -293,7 +293,7 @@ def test_in_a_browser_the_own_page_shows_the_run_and_others_read_nothing(tmp_pat
     shown = session(5.0)
     page = page_of(shown)
     assert len(page) < 300_000
-    server = LiveServer(shown.seen, 0, page=page, speed=1.0, wait=True)
+    server = LiveServer(shown.seen, 0, page=page, speed=1.5, wait=True)
 
     def drive() -> None:
         server.end(str(shown.run(watcher_of(server.observe)).outcome))
@@ -319,6 +319,7 @@ def test_in_a_browser_the_own_page_shows_the_run_and_others_read_nothing(tmp_pat
         assert browser.evaluate(CONTRAST) >= 4.5
         assert "IF" in browser.evaluate(TEXT.format("rules"))
         assert browser.evaluate(TEXT.format("P1")) != "?"
+        assert browser.evaluate("document.getElementById('speed').value") == "1.5"
         assert browser.console == []
 
         browser.open(f"http://127.0.0.1:{spy.server_port}/spy.html")
