@@ -70,6 +70,7 @@ def test_the_options_of_every_command_are_on_the_site(assembled: Path) -> None:
     assert "* `--seed" in text
 
 
+@pytest.mark.slow
 def test_the_site_is_built_without_a_warning(builder: ModuleType, tmp_path: Path) -> None:
     pytest.importorskip("zensical", reason="needs the group docs: uv sync --group docs")
     run([sys.executable, DOCS / "build_site.py", "--out", tmp_path / "site"], check=True)

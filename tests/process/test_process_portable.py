@@ -63,7 +63,7 @@ def test_a_drive_gives_the_same_commands(tmp_path: Path, without: dict[str, str 
     assert left == []
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_suite_check_and_mission_tests_run(tmp_path: Path, without: dict[str, str | None]) -> None:
     put_file(tmp_path, "suite.yaml", "entries: [{world: empty, missions: [straight]}]\n")
     words = ("suite", "suite.yaml", "--seeds", "0:2", "--workers", 2, "--out", "out", "--quiet")

@@ -226,7 +226,7 @@ def test_bytes_of_big_endian_images_are_swapped(tmp_path: Path) -> None:
     assert np.array_equal(seen, GREYS)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_sentences_and_turns_of_a_bag_are_those_of_its_images_in_a_folder(tmp_path: Path) -> None:
     text = "width: 160\nheight: 120\nK: [80, 0, 80, 0, 80, 60, 0, 0, 1]\nD: [-0.2, 0.05, 0, 0, 0]\n"
     (tmp_path / "lens.yaml").write_text(text, encoding="utf-8")
