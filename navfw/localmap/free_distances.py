@@ -40,10 +40,10 @@ _BEARINGS = read_only(np.linspace(-math.pi, math.pi, _SECTORS + 1)[1:])  # defin
 class Arcs(Frozen):
     """Free distance along the arc of every command; arrays (n_v, n_w) [m] but for ``turn``.
 
-    ``free`` is the length until the body would touch an occupied cell (driving backward, also one
-    not observed free, unless along its own track), ``observed`` that until its centre, or the
-    middle of the leading end of a body that is not round, would enter a cell not observed free
-    (backward: its rim), both at most ``reach``.
+    ``free`` is the length until the body would touch an occupied cell (backward, also one not
+    observed free, unless along its own track; in tight arcs of long bodies, also a hidden one),
+    ``observed`` that until its centre, or the middle of the leading end of a long body, would enter
+    a cell not observed free (backward: its rim), both at most ``reach``.
     ``clearance`` is the least distance from the body's rim to an occupied cell over the first 0.6
     m. ``turn`` (n_w,) [rad] is the angle until a turn on the spot touches one; inf beyond 0.5 rad.
     """
@@ -157,7 +157,7 @@ def ground_of(
 
 
 def blind_ground(occupancy: OccupancyGrid) -> Ground:
-    """Return the arrays for reversing, and for turns on the spot of a body that is not round.
+    """Return the arrays for reversing, and for turns and tight arcs of a body that is not round.
 
     Beside a doorway the camera has seen a wall's near side only; the corners of a long body turn
     towards its far side.

@@ -68,7 +68,7 @@ def search_lattice(
 
     Returns poses (k, 4): x, y [m], yaw [rad] in odom and the gear that leads there: 1 ahead, -1
     back, 0 a turn on the spot; the first row is ``start``. Each keeps ``margin`` [m] from occupied
-    cells, or what ``start`` has where that is less; backward and on the spot by the ``blind``
+    cells, or what ``start`` has where that is less; unless straight ahead, by the ``blind``
     ground. The last is at the waypoint, or heads down ``value``. No rows: no path was found.
     """
     cells = _SIDE * _SIDE * HEADINGS
