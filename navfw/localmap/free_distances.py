@@ -92,6 +92,8 @@ def arcs_of(
     free[~forward], observed[~forward], clearance[~forward] = swept(seen, ~forward)
     if robot.footprint is not None:
         turn[:] = _angle(free[speeds == 0.0], reach).min(axis=0, initial=math.inf)
+        swings, near = _swings_out(robot, speeds[forward, None], turns), free[forward]
+        free[forward] = np.where(swings, np.minimum(near, swept(seen, forward)[0]), near)
     # The camera does not look back: behind the robot, unobserved cells count as occupied. (Its own
     # footprint is observed, so its rim and not its centre must stay out of the unobserved.)
     backward, rim = speeds < 0.0, robot.disc_radius + margin
@@ -99,10 +101,6 @@ def arcs_of(
     known = np.where(known < reach, np.maximum(known - rim, 0.0), reach)
     observed[backward] = known[0]
     free[backward] = np.minimum(free[backward], known[1])
-    if robot.footprint is not None:
-        swings = speeds[forward, None] <= _SWING * np.abs(turns) * robot.reach
-        blind = swept(seen, forward)[0]
-        free[forward] = np.where(swings, np.minimum(free[forward], blind), free[forward])
     return Arcs(free, observed, clearance + margin, turn, reach)
 
 
@@ -126,8 +124,7 @@ def free_distance(
         contact, unobserved, _ = follow_arc(ground, _start(pose), v, w, robot.radius, reach, 0.0)
     else:
         discs = np.array(robot.discs)
-        swings = v <= _SWING * abs(w) * robot.reach
-        around = occupancy.blind_clearance if swings else occupancy.clearance
+        around = occupancy.blind_clearance if _swings_out(robot, v, w) else occupancy.clearance
         ground = ground_of(occupancy, seen, around)
         contact, unobserved, _ = follow_body(ground, _start(pose), v, w, discs, 0.0, reach, 0.0)
     return FreeDistance(contact, unobserved)
@@ -147,6 +144,11 @@ def free_turn(occupancy: OccupancyGrid, pose: Pose, w: float) -> float:
 def _angle(free: Array, reach: float) -> Array:
     """Convert free lengths of turns on the spot to angles [rad]; inf where nothing is touched."""
     return np.where(free >= reach, math.inf, TURN * free / reach)
+
+
+def _swings_out(robot: RobotModel, v: float | Array, w: float | Array) -> Mask:
+    """Return whether commands [m/s, rad/s] bend so much that a long body's corners swing out."""
+    return np.asarray(v <= _SWING * np.abs(w) * robot.reach)
 
 
 def ground_of(

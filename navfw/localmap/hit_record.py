@@ -186,8 +186,7 @@ class HitRecord:
         hit = np.isfinite(ranges)
         between = np.abs(bearings[:, None] - bearings) - 0.5 * (bearings[1] - bearings[0])
         near = between <= _EDGE * self._grid.params.cell / np.where(hit, ranges, math.inf)[:, None]
-        edge: Mask = hit & (near & ~hit).any(axis=1)
-        return edge
+        return np.asarray(hit & (near & ~hit).any(axis=1))
 
     def _met(self, points: Array, steps: Array, log_odds: Array) -> Mask:
         """Whether rays meet an obstacle at ``points`` (n, m, 2), ``steps`` (m,) [m] away."""

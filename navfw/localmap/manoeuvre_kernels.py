@@ -106,9 +106,8 @@ def search_lattice(
             key = _key(new_x - left, new_y - bottom, new_yaw)
             if key < 0 or done[key]:
                 continue
-            around, least = (
-                (ground, need_ahead) if new_gear == 1.0 and bend == 0.0 else (blind, need)
-            )
+            straight = new_gear == 1.0 and bend == 0.0
+            around, least = (ground, need_ahead) if straight else (blind, need)
             room = body_room(around, new_x, new_y, new_yaw, discs, margin)
             if new_gear == 0.0:
                 room = min(room, body_room(around, x, y, middle, discs, margin))

@@ -314,11 +314,11 @@ def with_nearest(
     said: tuple[Percept, tuple[Statement, ...]], things: Sequence[SmallThing]
 ) -> tuple[Percept, tuple[Statement, ...]]:
     """Return what is ``said``, with the first of ``things``, if any, before all else."""
-    percept, statements = said
-    for says in map(nearest_clause, things[:1]):
-        percept = replace(percept, sentence=f"{says}; {percept.sentence}")
-        statements = (Statement("small", says, _THING, 0.0), *statements)
-    return percept, statements
+    if not things:
+        return said
+    (percept, statements), says = said, nearest_clause(things[0])
+    percept = replace(percept, sentence=f"{says}; {percept.sentence}")
+    return percept, (Statement("small", says, _THING, 0.0), *statements)
 
 
 def strongest_term(degrees: Mapping[str, float]) -> str:
