@@ -17,6 +17,18 @@ def usable_cores() -> int:
     return (os.cpu_count() or 1) if affinity is None else len(affinity(0))
 
 
+def processor_wait() -> float:
+    """Time [s] that the main thread has waited for a processor since its start; Linux only, else 0.
+
+    It could have run, but others had all processors, or its container had spent its share.
+    """
+    try:
+        waited = Path("/proc/self/schedstat").read_text(encoding="ascii").split()[1]
+    except OSError:  # another system, or a kernel that does not count it
+        return 0.0
+    return int(waited) / 1e9
+
+
 def peak_memory_mb() -> float:
     """Return the largest resident memory [MB] that this process has had since its start.
 

@@ -1,7 +1,8 @@
 """The watchdog: a time limit for every call of a plugin.
 
 Wall time must not decide what the robot does from tick to tick, or runs would not repeat. So the
-limit is far above the run time of any correct plugin, and a plugin that exceeds it has failed.
+limit is far above the run time of any correct plugin, and a plugin that exceeds it has failed. Time
+in which this process waited for a processor, on a busy machine, does not count.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
+
+from navfw.process.process_resources import processor_wait
 
 PERIOD = 0.25
 """Period [s] in which a timer checks the time spent in the present call."""
@@ -47,6 +50,7 @@ class Watchdog:
         self._limit = math.inf
         self._spent = 0.0
         self._looked = 0.0
+        self._waited = 0.0
         self.active = False
 
     def begin(self, limit: float) -> None:
@@ -75,6 +79,7 @@ class Watchdog:
     @contextmanager
     def _alarm(self) -> Iterator[None]:
         """The interval timer and its handler."""
+        self._waited = processor_wait()
         if _ALARM != "SIGALRM":
             with self._simulated_alarm():
                 yield
@@ -117,8 +122,9 @@ class Watchdog:
         del number, frame
         now = time.monotonic()
         gap, self._looked = now - self._looked, now
+        before, self._waited = self._waited, processor_wait()
         if not compiling():
-            self._spent += min(gap, MAX_GAP)
+            self._spent += min(max(gap - (self._waited - before), 0.0), MAX_GAP)
         if self._spent > self._limit:
             raise PluginTimeout(f"no result within {self._limit:g} s")
 

@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
 from typing import Any, NoReturn
 
 import numba
@@ -19,6 +20,7 @@ from navfw.guard.answers import nothing
 from navfw.guard.plugin_guard import MAX_SUSPENSION, SUSPENSION
 from navfw.process import PluginTimeout
 from navfw.process.interruption import interruptible
+from navfw.process.process_resources import processor_wait
 from navfw.process.watchdog import PERIOD, Watchdog
 
 
@@ -231,6 +233,35 @@ def test_compiling_a_kernel_does_not_count() -> None:
         while time.monotonic() < began + 8 * PERIOD:
             numba.njit(_kernel)(1.0)  # type: ignore[type-var]
         watchdog.end()
+
+
+@pytest.mark.parametrize(("waits", "is_ended"), [(1.0, False), (0.5, False), (0.0, True)])
+def test_waiting_for_a_processor_does_not_count(
+    waits: float, is_ended: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """``waits``: the share of the time in which others have all processors."""
+    began, guard = time.monotonic(), PluginGuard(first_limit=0.6)
+    reader = "navfw.process.watchdog.processor_wait"
+    monkeypatch.setattr(reader, lambda: waits * (time.monotonic() - began))
+    ended = pytest.raises(PluginCallError, match=r"within 0.6 s") if is_ended else nullcontext()
+    with guard.watchdog.on_duty(), ended:
+        guard.call("planner slow", time.sleep, 1.1, check=nothing)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux counts it")
+def test_the_time_in_which_others_have_the_processor_is_known() -> None:
+    cores = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {min(cores)})
+    try:
+        with subprocess.Popen([sys.executable, "-c", "while True: pass"]) as other:
+            began, waited = time.monotonic(), processor_wait()
+            while time.monotonic() < began + 0.6:
+                pass
+            waited = processor_wait() - waited
+            other.kill()
+    finally:
+        os.sched_setaffinity(0, cores)
+    assert 0.1 < waited < time.monotonic() - began
 
 
 @pytest.mark.thorough
