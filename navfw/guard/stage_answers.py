@@ -28,7 +28,6 @@ from navfw.signals import (
     PassageQuery,
     Percept,
     Proposal,
-    Twist,
     Waypoint,
 )
 
@@ -66,11 +65,6 @@ def check_weights(answer: Any, known: Collection[str] = ()) -> dict[str, float]:
 def check_command(answer: Any) -> Command:
     """Check a fusion's command."""
     return _checked(answers.instance(answer, Command, "fuse"), Command)
-
-
-def check_twist(answer: Any) -> Twist:
-    """Check a controller's twist."""
-    return answers.twist(answer, "control's answer")
 
 
 def check_flow(answer: Any, pair: FramePair) -> FlowField:
@@ -124,11 +118,6 @@ def check_percept(answer: Any, flow: FlowField) -> Percept:
     )
 
 
-def check_detections(answer: Any) -> tuple[LandmarkDetection, ...]:
-    """Check a feature recogniser's landmarks in one image."""
-    return _each(answer, LandmarkDetection, "recognize", _detection)
-
-
 def _detection(mark: LandmarkDetection) -> LandmarkDetection:
     return _checked(mark, LandmarkDetection, covariance=_covariance(mark.covariance, 2))
 
@@ -150,14 +139,9 @@ def _waypoint(answer: Waypoint) -> Waypoint:
     return _checked(answer, Waypoint, passage=passage)
 
 
-def check_path(answer: Any) -> tuple[Waypoint, ...]:
-    """Check a planner's waypoints ahead."""
-    return _each(answer, Waypoint, "path", _waypoint)
-
-
-def check_queries(answer: Any) -> tuple[PassageQuery, ...]:
-    """Check a planner's queries for passages."""
-    return _each(answer, PassageQuery, "queries", _query)
+@lru_cache(maxsize=4096)
+def _query(answer: PassageQuery) -> PassageQuery:
+    return _checked(answer, PassageQuery)
 
 
 def _each(answer: Any, cls: type[T], call: str, check: Callable[[T], T]) -> tuple[T, ...]:
@@ -166,18 +150,16 @@ def _each(answer: Any, cls: type[T], call: str, check: Callable[[T], T]) -> tupl
     return tuple(check(answers.instance(item, cls, call)) for item in items)
 
 
-@lru_cache(maxsize=4096)
-def _query(answer: PassageQuery) -> PassageQuery:
-    return _checked(answer, PassageQuery)
-
-
-def check_wish(answer: object) -> bool:
-    """Check a planner's answer to whether it wants the grid."""
-    return answers.instance(answer, bool, "wants_grid")
+check_twist = partial(answers.twist, what="control's answer")
+check_detections = partial(_each, cls=LandmarkDetection, call="recognize", check=_detection)
+check_path = partial(_each, cls=Waypoint, call="path", check=_waypoint)
+check_queries = partial(_each, cls=PassageQuery, call="queries", check=_query)
+check_wish = partial(answers.instance, cls=bool, call="wants_grid")
+"""Checks of what a controller, a feature recogniser and a planner return."""
 
 
 def check_reason(answer: Any) -> str | None:
-    """Check a planner's reason why there is no route; None while there is one."""
+    """Check a planner's reason why there is no route, or its notes; None while there is none."""
     return None if answer is None else answers.text(answer, "no_route_reason")
 
 
@@ -196,11 +178,6 @@ def check_findings(answer: Any) -> Findings:
     return closed, tracks, answer[2] and answers.instance(answer[2], TopoMap, "topo_map")
 
 
-def check_explanation(answer: Any) -> Mapping[str, Any]:
-    """Check a planner's explanation of its present target."""
-    return _explanation(answer, "explain_choice")
-
-
 def _count(value: Any, what: str) -> int:
     return int(answers.number(value, what, 0.0))
 
@@ -210,6 +187,9 @@ def _explanation(value: Any, what: str) -> Mapping[str, Any]:
     if not isinstance(value, Mapping):
         raise answers.AnswerError(f"{what} is no mapping")
     return value
+
+
+check_explanation = partial(_explanation, what="explain_choice")
 
 
 def _finite_where(

@@ -8,7 +8,6 @@ in which this process waited for a processor, on a busy machine, does not count.
 from __future__ import annotations
 
 import _signal  # type: ignore[import-not-found]
-import _thread
 import math
 import signal
 import sys
@@ -26,9 +25,6 @@ MAX_GAP = 1.0
 """Longest wall time [s] between two checks that counts: in a longer one the process, or the whole
 machine, was stopped (Ctrl-Z, suspended)."""
 
-_ALARM = next(n for n in ("SIGALRM", "SIGBREAK", "SIGUSR1") if hasattr(signal, n))
-"""The signal of the timer: SIGALRM, or where there is none, one that a thread simulates."""
-
 
 class PluginTimeout(BaseException):
     """A plugin exceeded its time limit.
@@ -41,9 +37,9 @@ class Watchdog:
     """Interrupts a plugin call at its time limit.
 
     Calls stand between ``begin`` and ``end``; they are interrupted inside the context ``on_duty``,
-    where ``active`` is true. It works only in the main thread, and only between two steps of the
-    interpreter: a call that hangs in compiled code lasts until the run's wall-clock limit
-    (``navfw.process.last_trace``).
+    where ``active`` is true. It works only in the main thread, on systems with interval timers, and
+    only between two steps of the interpreter: a call that hangs in compiled code lasts until the
+    run's wall-clock limit (``navfw.process.last_trace``).
     """
 
     def __init__(self) -> None:
@@ -71,7 +67,8 @@ class Watchdog:
         self.active, before = True, self.active
         try:
             in_main = threading.current_thread() is threading.main_thread()
-            with self._alarm() if in_main and not before else nullcontext():
+            can = in_main and hasattr(signal, "SIGALRM")
+            with self._alarm() if can and not before else nullcontext():
                 yield
         finally:
             self.active = before
@@ -80,10 +77,6 @@ class Watchdog:
     def _alarm(self) -> Iterator[None]:
         """The interval timer and its handler."""
         self._waited = processor_wait()
-        if _ALARM != "SIGALRM":
-            with self._simulated_alarm():
-                yield
-            return
         left, interval = signal.setitimer(signal.ITIMER_REAL, 0.0)
         began = time.monotonic()
         # ``signal.signal`` looks handlers up in an enumeration, which takes ten times all else here
@@ -98,25 +91,6 @@ class Watchdog:
             if left:
                 left = max(left - (time.monotonic() - began), 1e-3)
                 signal.setitimer(signal.ITIMER_REAL, left, interval)
-
-    @contextmanager
-    def _simulated_alarm(self) -> Iterator[None]:
-        """Ring by a thread, if the system has no interval timer."""
-        number, ended = getattr(signal, _ALARM), threading.Event()
-
-        def ring() -> None:
-            while not ended.wait(PERIOD):
-                _thread.interrupt_main(number)  # calls the handler in the main thread
-
-        handler = _signal.signal(number, self._ring)
-        thread = threading.Thread(target=ring, daemon=True)
-        thread.start()
-        try:
-            yield
-        finally:
-            ended.set()
-            thread.join()
-            _signal.signal(number, handler)
 
     def _ring(self, number: int, frame: object) -> None:
         del number, frame

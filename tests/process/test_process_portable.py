@@ -82,29 +82,6 @@ def test_suite_check_and_mission_tests_run(tmp_path: Path, without: dict[str, st
     assert done.returncode == 0, done.stdout
 
 
-HANGS = """
-import time
-from navfw.process import PluginTimeout
-from navfw.process.watchdog import Watchdog
-watchdog = Watchdog()
-with watchdog.on_duty():
-    watchdog.begin(0.3)
-    watchdog.end()
-    time.sleep(1.0)  # between two calls nothing is limited
-    watchdog.begin(0.3)
-    try:
-        while True:
-            pass
-    except PluginTimeout as error:
-        print(error)
-"""
-
-
-def test_a_call_that_hangs_is_ended(tmp_path: Path, without: dict[str, str | None]) -> None:
-    done = run([sys.executable, "-c", HANGS], cwd=tmp_path, env=without, timeout=60)
-    assert done.stdout == "no result within 0.3 s\n", done.stderr
-
-
 def test_kernels_are_compiled_by_processes_that_are_not_forked(
     tmp_path: Path, without: dict[str, str | None]
 ) -> None:
