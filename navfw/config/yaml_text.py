@@ -55,11 +55,8 @@ def read_yaml_text(text: str, file: str | None = None) -> tuple[Data, dict[KeyPa
 
     """
     reader = _TextReader(file)
-    try:
-        data = reader.document(yaml.parse(text, Loader=_LOADER))
-    except _REFUSED as error:
-        raise _syntax_error(text, file, error) from None
-    return data, dict(reader.lines)
+    data = reader.document(text)
+    return data, {path: line for path, line, _ in reader.parts}
 
 
 def scalar_spans(text: str) -> dict[KeyPath, tuple[int, int]]:
@@ -71,12 +68,9 @@ def scalar_spans(text: str) -> dict[KeyPath, tuple[int, int]]:
         ConfigError: ``text`` is not YAML (``read_yaml_text``).
 
     """
-    reader = _SpanReader(None)
-    try:
-        reader.document(yaml.parse(text, Loader=_LOADER))
-    except _REFUSED as error:
-        raise _syntax_error(text, None, error) from None
-    return reader.spans
+    reader = _TextReader(None)
+    reader.document(text)
+    return {path: span for path, _, span in reader.parts if span is not None}
 
 
 def write_yaml_text(data: Data, width: int = 100) -> str:
@@ -99,12 +93,19 @@ class _TextReader:
         self._file = file
         self._events: Iterator[Any] = iter(())
         self._anchors: dict[str, tuple[Data, int, int] | None] = {}
-        """The data of an anchor, and the range of its ``lines``; None until it is complete."""
-        self.lines: list[tuple[KeyPath, int]] = []
+        """The data of an anchor, and the range of its ``parts``; None until it is complete."""
+        self.parts: list[tuple[KeyPath, int, tuple[int, int] | None]] = []
+        """The path and the line of each part; of a scalar also its first and last position."""
 
-    def document(self, events: Iterator[Any]) -> Data:
-        """Return the data of the only document."""
-        self._events = events
+    def document(self, text: str) -> Data:
+        """Return the data of the only document in ``text``."""
+        self._events = yaml.parse(text, Loader=_LOADER)
+        try:
+            return self._document(self._events)
+        except _REFUSED as error:
+            raise _syntax_error(text, self._file, error) from None
+
+    def _document(self, events: Iterator[Any]) -> Data:
         next(events)  # the beginning of the stream
         if isinstance(next(events), yaml.StreamEndEvent):
             return None
@@ -118,9 +119,9 @@ class _TextReader:
     def _value(self, event: Any, path: KeyPath, line: int | None = None) -> Data:
         if len(path) > MAX_DEPTH:
             raise self._too_deep(event)
-        first = len(self.lines)
-        self.lines.append((path, line or event.start_mark.line + 1))
-        kind = type(event)
+        first, kind, begin = len(self.parts), type(event), event.start_mark
+        span = (begin.index, event.end_mark.index) if kind is yaml.ScalarEvent else None
+        self.parts.append((path, line or begin.line + 1, span))
         if kind is yaml.AliasEvent:
             return self._repeated(event, path)
         if event.anchor is not None:
@@ -136,7 +137,7 @@ class _TextReader:
         else:
             data = self._mapping(path)
         if event.anchor is not None:
-            self._anchors[event.anchor] = data, first, len(self.lines)
+            self._anchors[event.anchor] = data, first, len(self.parts)
         return data
 
     def _mapping(self, path: KeyPath) -> dict[str, Data]:
@@ -149,7 +150,7 @@ class _TextReader:
                 raise self._error("merge keys (<<) are not supported", event, path)
             inner = (*path, key)
             if key in data:
-                first = next(line for known, line in self.lines if known == inner)
+                first = next(line for known, line, _ in self.parts if known == inner)
                 raise self._error(f"duplicate key; first given in line {first}", event, inner)
             data[key] = self._value(next(self._events), inner, event.start_mark.line + 1)
         return data
@@ -162,13 +163,17 @@ class _TextReader:
         if anchor is None:
             raise self._error("an alias (*) inside its own anchor (&)", event, path)
         data, first, end = anchor
-        if len(self.lines) + end - first > MAX_VALUES:
+        if len(self.parts) + end - first > MAX_VALUES:
             raise self._error(f"aliases repeat more than {MAX_VALUES} values", event, path)
-        above = len(self.lines[first][0])
-        inner = [((*path, *at[above:]), line) for at, line in self.lines[first + 1 : end]]
-        if any(len(at) > MAX_DEPTH for at, _ in inner):
+        above, _, span = self.parts[first]
+        self.parts[-1] = *self.parts[-1][:2], span
+        inner = [
+            ((*path, *at[len(above) :]), line, span)
+            for at, line, span in self.parts[first + 1 : end]
+        ]
+        if any(len(at) > MAX_DEPTH for at, _, _ in inner):
             raise self._too_deep(event)
-        self.lines += inner
+        self.parts += inner
         return copy.deepcopy(data)
 
     def _scalar(self, event: Any, path: KeyPath) -> Data:
@@ -205,28 +210,6 @@ class _TextReader:
     def _error(self, message: str, event: Any, path: KeyPath) -> ConfigError:
         line = event.start_mark.line + 1
         return ConfigError(message, file=self._file, line=line, key=key_text(path) or None)
-
-
-class _SpanReader(_TextReader):
-    """Keeps where each scalar is written."""
-
-    def __init__(self, file: str | None) -> None:
-        super().__init__(file)
-        self.spans: dict[KeyPath, tuple[int, int]] = {}
-
-    def _scalar(self, event: Any, path: KeyPath) -> Data:
-        self.spans[path] = event.start_mark.index, event.end_mark.index
-        return super()._scalar(event, path)
-
-    def _repeated(self, event: Any, path: KeyPath) -> Data:
-        data = super()._repeated(event, path)
-        anchor = self._anchors[event.anchor]
-        if anchor is not None:
-            above = self.lines[anchor[1]][0]
-            for at, span in [*self.spans.items()]:
-                if at[: len(above)] == above:
-                    self.spans[(*path, *at[len(above) :])] = span
-        return data
 
 
 def key_text(path: KeyPath) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 import inspect
 import keyword
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -16,9 +15,6 @@ from navfw import interfaces
 from navfw.config.input_file import shown_path
 from navfw.config.yamlfile import shown
 from navfw.errors import PluginError
-
-_WITHOUT_DOCSTRINGS = 2
-"""The level of ``python -O`` at which classes lose their docstrings."""
 
 
 def verify(cls: object) -> None:
@@ -39,8 +35,6 @@ def verify(cls: object) -> None:
 
 def find_problems(cls: object) -> list[str]:
     """List the problems of ``cls`` as a plugin class, each with its remedy; empty if valid."""
-    if not inspect.isclass(cls):
-        return [f"expected a class, got {shown(cls)}"]
     return list(_problems(cls))
 
 
@@ -60,7 +54,10 @@ def source_file(cls: object) -> Path | None:
         return None
 
 
-def _problems(cls: type[Any]) -> Iterator[str]:
+def _problems(cls: object) -> Iterator[str]:
+    if not inspect.isclass(cls):
+        yield f"expected a class, got {shown(cls)}"
+        return
     base_names = ", ".join(sorted(base.__name__ for base in interfaces.KINDS.values()))
     bases = [base for base in interfaces.KINDS.values() if issubclass(cls, base)]
     if not bases:
@@ -78,8 +75,7 @@ def _problems(cls: type[Any]) -> Iterator[str]:
         yield "this is the base class itself; derive a class from it"
         return
     yield from _name_problems(cls, base)
-    documented = (inspect.cleandoc(cls.__dict__.get("__doc__") or "")).strip()
-    if not documented and sys.flags.optimize < _WITHOUT_DOCSTRINGS:
+    if not (cls.__dict__.get("__doc__") or "").strip():
         yield "no docstring; describe the plugin in a sentence (listings show it)"
     yield from _method_problems(cls, base)
     yield from _params_problems(cls)

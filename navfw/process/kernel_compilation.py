@@ -8,6 +8,7 @@ with them. A kernel or a signature that is not listed is compiled when it is fir
 from __future__ import annotations
 
 import contextlib
+import functools
 import importlib
 import json
 import multiprocessing
@@ -39,17 +40,9 @@ KERNEL_FILE = Path(__file__).with_name("kernels.json")
 
 
 def parse_types(text: str) -> tuple[Any, ...]:
-    """Parse a list of numba types, named as in ``numba.types`` and separated by commas.
-
-    Raises:
-        ValueError: a name is not understood.
-
-    """
+    """Parse a list of numba types, named as in ``numba.types`` and separated by commas."""
     normalize: Any = sigutils.normalize_signature  # has no types
-    try:
-        return tuple(normalize(f"({text},)" if text else "()")[0])
-    except (NameError, SyntaxError, TypeError):
-        raise ValueError(f"no types of a kernel's arguments: {text!r}") from None
+    return tuple(normalize(f"({text},)" if text else "()")[0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,12 +212,11 @@ def _compile_groups(groups: Sequence[Sequence[Kernel]], show: Report) -> None:
     kernels = [kernel for group in groups for kernel in group]
     forked = sys.platform == "linux" and hasattr(os, "fork")
     context = multiprocessing.get_context("fork" if forked else "spawn")
-    known = groups if forked else [[kernel.name for kernel in group] for group in groups]
-    with ProcessPoolExecutor(workers, context, _begin_worker, (known,)) as pool:
+    with ProcessPoolExecutor(workers, context, _begin_worker) as pool:
         unfinished = set()
         try:
             with contextlib.suppress(BrokenProcessPool):
-                unfinished = {pool.submit(_compile, n) for n in range(len(groups))}
+                unfinished = {pool.submit(_compile, [k.name for k in group]) for group in groups}
             while unfinished:
                 show(_state(kernels, began))
                 unfinished = wait(unfinished, PERIOD).not_done
@@ -238,15 +230,8 @@ def _compile_groups(groups: Sequence[Sequence[Kernel]], show: Report) -> None:
 
 # --- in a worker process --------------------------------------------------------------------------
 
-_groups: Sequence[Sequence[Kernel]] = ()
 
-
-def _begin_worker(groups: Sequence[Sequence[Kernel | str]]) -> None:
-    """Keep the groups: of kernels that are inherited, or of their names, as none can be sent."""
-    global _groups  # noqa: PLW0603 - a process has one list
-    named = any(isinstance(kernel, str) for group in groups for kernel in group)
-    by_name = {kernel.name: kernel for kernel in listed_kernels()} if named else {}
-    _groups = [[by_name[k] if isinstance(k, str) else k for k in group] for group in groups]
+def _begin_worker() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends it to all: the parent decides
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     threading.Thread(target=_end_with_parent, daemon=True).start()
@@ -258,6 +243,11 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-def _compile(number: int) -> None:
-    for kernel in _groups[number]:
-        kernel.compile()
+@functools.cache
+def _by_name() -> dict[str, Kernel]:
+    return {kernel.name: kernel for kernel in listed_kernels()}
+
+
+def _compile(names: Sequence[str]) -> None:
+    for name in names:
+        _by_name()[name].compile()

@@ -21,7 +21,7 @@ from navfw.guard.answer_kernels import are_degrees, are_finite
 from navfw.process.kernel_compilation import Kernel, parse_types
 one, two = (parse_types(f"Array(float64, 1, 'C', readonly={word})") for word in (False, True))
 kernels = [Kernel(str(f), f, (one, two)) for f in (are_degrees, are_finite)]
-kernel_compilation.listed_kernels = lambda loaded: kernels
+kernel_compilation.listed_kernels = lambda loaded=False: kernels
 shown = []
 compiled = kernel_compilation.compile_kernels(shown.append)
 print(compiled, any(k.missing for k in kernels))
@@ -45,12 +45,6 @@ def test_names_of_types_are_read_as_they_are_written() -> None:
     assert ", ".join(map(expression, types)) == text
     assert not types[0].mutable
     assert parse_types("") == ()
-
-
-@pytest.mark.parametrize("text", ["float65", "Array(float64, 2d)", "Tuple((float64", "a, b", "1.0"])
-def test_other_names_are_refused(text: str) -> None:
-    with pytest.raises(ValueError, match="no types of a kernel's arguments"):
-        parse_types(text)
 
 
 def test_the_list_names_kernels_that_exist_with_the_number_of_their_arguments() -> None:
