@@ -3,20 +3,30 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
 from navfw.localmap.cell_arrays import without_gaps
+from navfw.missions.run_metrics import (
+    SAMPLING,
+    ExplorationResult,
+    UnexploredRegion,
+    path_length,
+)
 from navfw.missions.true_tour import TrueTour
 from navfw.numerics import Array, Mask
+from navfw.recording.run_observers import RunLog
 from navfw.robot import RobotModel
 from navfw.signals import GrownGrid, Pose
 from navfw.sim.scene_geometry import ConfigurationSpaceGrid, SceneGeometry
 from navfw.sim.world_changes import WalkerTrack
+
+if TYPE_CHECKING:
+    from navfw.missions.session import Session
 
 _POINT_RADIUS = 0.03
 """Radius [m] of a nearly point-shaped robot, to tell narrow passages from closed ones."""
@@ -26,38 +36,6 @@ _BESIDE = 1.0
 """Largest distance [m] from an unobserved region of the walker or frontier that explains it."""
 _STAYED = 0.2
 """Smallest share of the run that a walker is beside a region for it to be the explanation."""
-
-
-@dataclass(frozen=True, slots=True)
-class UnexploredRegion:
-    """A region of floor that was not observed: a point x, y [m, ``map``] in it, ``area`` [m^2]."""
-
-    x: float
-    y: float
-    area: float
-    why: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ExplorationResult:
-    """The outcome of an exploration, over the ``reachable_m2`` of floor that the robot can cover.
-
-    ``observed_share`` is the share of that floor that was observed, ``tour_m`` the length of the
-    nearest-frontier tour on the true map (``TrueTour``), ``path_over_tour`` the driven length
-    divided by it. ``returned``: the robot truly stands at its start. ``unexplored`` is sorted by
-    area, largest first.
-    """
-
-    observed_share: float
-    reachable_m2: float
-    returned: bool
-    tour_m: float
-    path_over_tour: float
-    unexplored: tuple[UnexploredRegion, ...] = field(default=())
-
-    def as_data(self) -> dict[str, Any]:
-        """Plain data for ``result.json``."""
-        return asdict(self)
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,41 +75,50 @@ class ReachableFloor:
 
 
 def measure_exploration(
-    plans: tuple[SceneGeometry, SceneGeometry],
-    robot: RobotModel,
-    grid: GrownGrid,
-    true: Array,
-    *,
-    within: float,
-    back: bool,
-    driven: float,
-    given_up: Sequence[tuple[float, float, str]] = (),
-    movers: WalkerTrack | None = None,
-) -> ExplorationResult:
-    """Compare the explored ``grid`` (``map``) with ``plans``: as it truly is, and with open doors.
+    session: Session, log: RunLog, movers: WalkerTrack | None
+) -> ExplorationResult | None:
+    """Compare what an exploration observed with the plan as it truly is, and with open doors.
 
-    ``true`` (n, 3) are the true poses of the run, ``driven`` [m] its length; the robot has returned
-    if it ends ``within`` [m] of its first pose. ``given_up`` are the planner's abandoned frontiers
-    (x, y, reason). ``back``: the tour returns to the start.
+    None for another mission, or before the first tick.
     """
-    plan, passable = plans
+    spec, growing = session.mission.spec, session.stack.growth.growing_map
+    if spec.explore is None or not log.ticks:
+        return None
+    growing.finish()
+    if not growing.keys:
+        return None
+    true, robot = log.true, spec.robot
     start = Pose(*(float(value) for value in true[0]))
-    ground = ReachableFloor.of(plan, passable, robot, start)
-    unseen = ground.unseen(grid)
+    ground = ReachableFloor.of(session.plan, session.passable, robot, start)
+    unseen = ground.unseen(growing.grid)
     count = int(np.count_nonzero(ground.floor))
     observed = np.count_nonzero(ground.floor & ~unseen) / max(count, 1)
-    tour = TrueTour(ground.grid, robot, start).length(back=back)
+    tour = TrueTour(ground.grid, robot, start).length(back=spec.explore.return_home)
+    given_up = session.stack.planner.explain_choice().get("given_up", ())
+
+    def why(points: Array) -> str:
+        """Why reachable floor at ``points`` (n, 2) [m] was not observed."""
+        if movers is not None:
+            x, y = points.mean(axis=0)
+            near = np.hypot(*(movers.points - (x, y)).transpose(2, 0, 1)) <= _BESIDE
+            if near.any(axis=1).mean() >= _STAYED:
+                return "a walker in the way"
+        for left in given_up:
+            if np.hypot(*(points - (left["x"], left["y"])).T).min() <= _BESIDE:
+                return str(left["why"])
+        return "not looked at"
+
     regions = [
-        *_regions(ground.grid, ground.floor & unseen, _Explanation(given_up, movers)),
-        *_regions(ground.grid, ground.beyond & unseen, "the passage is too narrow"),
-        *_regions(ground.grid, ground.shut & unseen, "behind a closed door"),
+        *_regions(ground.grid, ground.floor & unseen, why),
+        *_regions(ground.grid, ground.beyond & unseen, lambda _: "the passage is too narrow"),
+        *_regions(ground.grid, ground.shut & unseen, lambda _: "behind a closed door"),
     ]
     return ExplorationResult(
         observed_share=float(observed),
         reachable_m2=count * ground.grid.cell**2,
-        returned=math.dist(true[-1, :2], true[0, :2]) <= within,
+        returned=math.dist(true[-1, :2], true[0, :2]) <= session.success_radius,
         tour_m=tour,
-        path_over_tour=driven / tour if tour > 0.0 else 0.0,
+        path_over_tour=path_length(true[log.every(SAMPLING)]) / tour if tour > 0.0 else 0.0,
         unexplored=tuple(sorted(regions, key=lambda region: -region.area)),
     )
 
@@ -153,29 +140,8 @@ def _covered(plan: SceneGeometry, radius: float, start: Pose) -> Mask:
     return covered
 
 
-class _Explanation:
-    """Says why reachable floor was not observed."""
-
-    def __init__(
-        self, given_up: Sequence[tuple[float, float, str]], movers: WalkerTrack | None
-    ) -> None:
-        self._given_up, self._movers = given_up, movers
-
-    def __call__(self, points: Array) -> str:
-        """Why the floor at ``points`` (n, 2) [m] was not observed."""
-        if self._movers is not None:
-            x, y = points.mean(axis=0)
-            near = np.hypot(*(self._movers.points - (x, y)).transpose(2, 0, 1)) <= _BESIDE
-            if near.any(axis=1).mean() >= _STAYED:
-                return "a walker in the way"
-        for x, y, reason in self._given_up:
-            if np.hypot(*(points - (x, y)).T).min() <= _BESIDE:
-                return reason
-        return "not looked at"
-
-
 def _regions(
-    grid: ConfigurationSpaceGrid, mask: Mask, why: str | _Explanation
+    grid: ConfigurationSpaceGrid, mask: Mask, why: Callable[[Array], str]
 ) -> list[UnexploredRegion]:
     """Return the connected regions of ``mask`` of at least _LEFT_AREA."""
     _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.view(np.uint8), connectivity=8)
@@ -185,7 +151,6 @@ def _regions(
         if area >= _LEFT_AREA:
             points = grid.centres(*np.nonzero(labels == number))
             x, y = points[int(np.argmin(((points - points.mean(axis=0)) ** 2).sum(axis=1)))]
-            reason = why if isinstance(why, str) else why(points)
             x, y, area = (round(float(value), 2) for value in (x, y, area))
-            regions.append(UnexploredRegion(x, y, area, reason))
+            regions.append(UnexploredRegion(x, y, area, why(points)))
     return regions

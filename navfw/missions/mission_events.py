@@ -32,15 +32,14 @@ from navfw.topomap import Place
 
 @dataclass(slots=True)
 class EventRecord:
-    """An event that happened, from ``began`` to ``ended`` [s]; None: to the end of the run."""
+    """An event that happened, from ``began_s`` to ``ended_s`` [s]; None: to the end of the run.
 
-    spec: Mapping[str, Any]
-    began: float
-    ended: float | None = None
+    ``event`` is the event as the mission file gives it.
+    """
 
-    def as_data(self) -> dict[str, Any]:
-        """Return plain data for ``result.json``."""
-        return {"event": dict(self.spec), "began_s": self.began, "ended_s": self.ended}
+    event: Mapping[str, Any]
+    began_s: float
+    ended_s: float | None = None
 
 
 class EventTarget(Protocol):
@@ -83,10 +82,10 @@ class EventClock:
             return
         running = len(self._running)
         for event, target, record in self._running:
-            if event.lasting is not None and time - record.began >= event.lasting - 1e-9:
+            if event.lasting is not None and time - record.began_s >= event.lasting - 1e-9:
                 target.end(event.action)
-                record.ended = time
-        self._running = [running for running in self._running if running[2].ended is None]
+                record.ended_s = time
+        self._running = [running for running in self._running if running[2].ended_s is None]
         due = [waiting for waiting in self._waiting if self._due(waiting[0], time, robot)]
         self._waiting = [waiting for waiting in self._waiting if waiting not in due]
         for event, target in due:

@@ -20,7 +20,6 @@ from pydantic import TypeAdapter
 from navfw.assumption import Assumption
 from navfw.errors import WorldError
 from navfw.mapping import MapChange
-from navfw.missions.exploration_result import ExplorationResult
 from navfw.missions.mission_events import EventRecord
 from navfw.missions.outcome import Outcome
 from navfw.numerics import Array
@@ -93,6 +92,34 @@ class RunMetrics:
     stage_ms: Mapping[str, float] = field(default_factory=dict)
 
 
+@dataclass(frozen=True, slots=True)
+class UnexploredRegion:
+    """A region of floor that was not observed: a point x, y [m, ``map``] in it, ``area`` [m^2]."""
+
+    x: float
+    y: float
+    area: float
+    why: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExplorationResult:
+    """The outcome of an exploration, over the ``reachable_m2`` of floor that the robot can cover.
+
+    ``observed_share`` is the share of that floor that was observed, ``tour_m`` the length of the
+    nearest-frontier tour on the true map (``TrueTour``), ``path_over_tour`` the driven length
+    divided by it. ``returned``: the robot truly stands at its start. ``unexplored`` is sorted by
+    area, largest first.
+    """
+
+    observed_share: float
+    reachable_m2: float
+    returned: bool
+    tour_m: float
+    path_over_tour: float
+    unexplored: tuple[UnexploredRegion, ...] = field(default=())
+
+
 @dataclass(frozen=True, kw_only=True)
 class RunResult(RunMetrics):
     """Outcome and metrics of a run, as plain data.
@@ -142,8 +169,8 @@ class RunResult(RunMetrics):
             "outcome": str(self.outcome),
             "cause": str(self.cause),
             "contacts": [*map(asdict, self.contacts)],
-            "events": [event.as_data() for event in self.events],
-            "exploration": None if self.exploration is None else self.exploration.as_data(),
+            "events": [*map(asdict, self.events)],
+            "exploration": self.exploration and asdict(self.exploration),
             "map_changes": [asdict(change) for change in self.map_changes],
             "assumed": [one.as_data() for one in self.assumed],
         }
@@ -158,9 +185,6 @@ class RunResult(RunMetrics):
         known, parts = schema["properties"], schema["$defs"]
         for name in ("min_clearance_m", "clearance_p05_m"):  # nothing is near: infinite
             known[name]["type"] = ["number", "null"]
-        event = parts["EventRecord"]["properties"]
-        event = {"event": event["spec"], "began_s": event["began"], "ended_s": event["ended"]}
-        parts["EventRecord"] |= {"properties": event, "required": [*event]}
         parts["Outcome"]["enum"].append(UNFINISHED)
         always = ["outcome", "reason", "world", "mission", "seed"]
         whole = [name for name in known if name not in (*always, "command_hash")]

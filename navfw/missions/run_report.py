@@ -9,6 +9,7 @@ import math
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext, suppress
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -79,7 +80,7 @@ class RecordedFolder:
             self._write(events)
 
     def _write(self, events: Sequence[EventRecord]) -> None:
-        self._target.write_json(RESULT, {**self._result, "events": [e.as_data() for e in events]})
+        self._target.write_json(RESULT, {**self._result, "events": [*map(asdict, events)]})
 
 
 def write_run(result: MissionResult, target: RunFolder) -> tuple[str, ...]:

@@ -49,9 +49,6 @@ _STILL = 0.02
 _STALL_RADIUS = 0.3
 """A robot that stays within this distance [m] of one position makes no progress."""
 
-MAX_FAULTS = 100
-"""Largest number of distinct plugin faults in a result."""
-
 
 @dataclass(frozen=True, slots=True)
 class Task:
@@ -162,11 +159,6 @@ class MissionLoop:
     def sim_time(self) -> float:
         """Simulated time [s] since the loop was made."""
         return self.simulator.time - self.first
-
-    @property
-    def faults(self) -> tuple[str, ...]:
-        """Errors of plugins that the stack contained, as text."""
-        return self.pilot.state.faults[:MAX_FAULTS]
 
     @contextmanager
     def _contained(self) -> Iterator[None]:

@@ -16,7 +16,7 @@ from typing import Any, Self
 
 from navfw.errors import InputError
 from navfw.mapping import MapChange, changes_between, corrected_map, made_map
-from navfw.missions.exploration_result import ExplorationResult, measure_exploration
+from navfw.missions.exploration_result import measure_exploration
 from navfw.missions.failure_causes import failure_of
 from navfw.missions.mission_events import EventClock, EventRecord
 from navfw.missions.missionfile import MissionFile
@@ -26,14 +26,12 @@ from navfw.missions.outcome import MissionVerdict, Outcome
 from navfw.missions.pilot import TickView, Watcher, watcher_of
 from navfw.missions.run_drawing import WindowOverlay, discs_of, outline_of
 from navfw.missions.run_metrics import (
-    SAMPLING,
     RunResult,
     first_contacts,
     measure,
-    path_length,
     shortest_with_room,
 )
-from navfw.missions.runner import MAX_FAULTS, MissionLoop, Task
+from navfw.missions.runner import MissionLoop, Task
 from navfw.plugins.fault_injection import inject_faults
 from navfw.plugins.simulator_access import plugin_files, simulator_users
 from navfw.process import compile_kernels
@@ -48,6 +46,9 @@ from navfw.sim.world_changes import ChangeTrack, Walker, WalkerTrack
 from navfw.sim.worldspec import WorldSpec
 from navfw.stack import Stack
 from navfw.topomap import TopoMap
+
+MAX_FAULTS = 100
+"""Largest number of distinct plugin faults in a result."""
 
 
 @dataclass(frozen=True)
@@ -274,7 +275,7 @@ class MissionResult(RunResult):
         permanent = tuple(s for s in session.plan.solids if s.name not in changes.names)
         start = mission.start.x, mission.start.y
         points = [start, *((goal.x, goal.y) for goal in mission.goals)]
-        explored = _exploration(session, log, movers)
+        explored = measure_exploration(session, log, movers)
         metrics = measure(
             log,
             SceneGeometry(session.plan.bounds, permanent),
@@ -367,27 +368,3 @@ def _map_changes(session: Session) -> tuple[MapChange, ...]:
     growing.finish()
     closed, ways, _ = stack.planner.findings
     return tuple(changes_between(stack.topo_map, growing.grid, closed, ways, growing.last_seen))
-
-
-def _exploration(
-    session: Session, log: RunLog, movers: WalkerTrack | None
-) -> ExplorationResult | None:
-    """What an exploration observed; None for another mission, or before the first tick."""
-    spec, growing = session.mission.spec, session.stack.growth.growing_map
-    if spec.explore is None or not log.ticks:
-        return None
-    growing.finish()
-    if not growing.keys:
-        return None
-    chosen = session.stack.planner.explain_choice()
-    return measure_exploration(
-        (session.plan, session.passable),
-        spec.robot,
-        growing.grid,
-        log.true,
-        within=session.success_radius,
-        back=spec.explore.return_home,
-        driven=path_length(log.true[log.every(SAMPLING)]),
-        given_up=[(g["x"], g["y"], g["why"]) for g in chosen.get("given_up", ())],
-        movers=movers,
-    )

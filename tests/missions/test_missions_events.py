@@ -1,6 +1,7 @@
 """Events of missions: their schema and checks, their times, pairs of them; their effect."""
 
 import math
+from dataclasses import asdict
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -163,7 +164,7 @@ def test_events_begin_and_end_by_simulated_time() -> None:
         for action in active:
             ticks[action].append(tick)
     assert ticks == {black: list(range(20, 50)), out: list(range(40, 80))}
-    first, second = (record.as_data() for record in clock.log)
+    first, second = map(asdict, clock.log)
     given = {"at": 2.0, "lasting": 3.0, "camera": {"black": True}}
     assert first == {"event": given, "began_s": 2.0, "ended_s": 5.0}
     assert second["ended_s"] is None

@@ -182,18 +182,6 @@ def test_a_mission_that_the_stack_refuses_is_an_input_error() -> None:
         drive(Refuser([]))
 
 
-def test_a_fault_that_repeats_is_listed_once_with_its_last_count() -> None:
-    class Faulty(ScriptedPilot):
-        def step(self, reading: SensorReading) -> Twist:
-            twist = super().step(reading)
-            self.state = dataclasses.replace(
-                self.state, faults=(f"avoid: bad ({9 - len(self._script)})",)
-            )
-            return twist
-
-    assert drive(Faulty([Twist(0.1, 0.0)] * 9)).faults == ("avoid: bad (9)",)
-
-
 @settings(deadline=None, max_examples=20)
 @given(
     twists=st.lists(
