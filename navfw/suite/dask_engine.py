@@ -77,30 +77,19 @@ class DaskEngine:
     def __enter__(self) -> Self:
         self._files = FilesOnWorker(self.cases, self.work, self.limit, self.memory)
         connect: Any = distributed.Client
-        security: Any = distributed.Security
-        try:
-            arguments = security().get_connection_args("client")
-            if self.address.startswith("tls://") and arguments["ssl_context"] is None:
-                what = "tls:// needs certificates: set distributed.comm.tls in Dask's configuration"
-                raise InputError(what, key="--scheduler")
+        help_ = "start one with dask scheduler, or correct the address"
+        with _refusing(f"no scheduler of Dask answers at {self.address}", help_):
             self._client = connect(self.address, timeout=CONNECT_TIME, set_as_default=False)
-        except (OSError, ValueError, TimeoutError) as error:
-            what = f"no scheduler of Dask answers at {self.address} ({type(error).__name__})"
-            help_ = "start one with dask scheduler, or correct the address"
-            raise InputError(f"{what}; {help_}", key="--scheduler") from None
         try:
-            self._client.wait_for_workers(1, timeout=_WORKER_TIME)
-            self._client.register_plugin(self._files)
-        except BaseException as error:
+            help_ = f"start some with dask worker {self.address}"
+            with _refusing(f"{self.address} has no workers", help_):
+                self._client.wait_for_workers(1, timeout=_WORKER_TIME)
+            help_ = "install the same version there"
+            with _refusing(f"a worker of {self.address} cannot import this navfw", help_):
+                self._client.register_plugin(self._files)
+        except BaseException:
             self.__exit__()
-            if isinstance(error, TimeoutError):
-                what = f"{self.address} has no workers; start some with dask worker {self.address}"
-            elif isinstance(error, InputError) or not isinstance(error, Exception):
-                raise
-            else:
-                what = f"a worker of {self.address} cannot import this navfw: {error}"
-                what += "; install the same version there"
-            raise InputError(what, key="--scheduler") from None
+            raise
         return self
 
     def __exit__(self, *exception: object) -> None:
@@ -158,6 +147,18 @@ class DaskEngine:
             with atomic_file(case.pictures / row.picture.rpartition("/")[2]) as unfinished:
                 unfinished.write_bytes(picture)
         return row  # type: ignore[no-any-return]
+
+
+@contextlib.contextmanager
+def _refusing(what: str, help_: str) -> Iterator[None]:
+    """Context that turns errors of Dask into an InputError; those of a worker's check stay."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        reason = f"{what} ({type(error).__name__}: {error}); {help_}"
+        raise InputError(reason, key="--scheduler") from None
 
 
 @cache

@@ -56,7 +56,6 @@ class SituationDrive:
     topo_map: TopoMap
     start: Pose
     samples: tuple[SituationSample, ...]
-    outcome: str
 
     def observations(self) -> Iterator[tuple[str, Mapping[str, float]]]:
         """Yield (kind of the true place, situation degrees) of samples at least SPACING apart."""
@@ -96,9 +95,8 @@ def record_situations(session: Session) -> SituationDrive:
         samples.append(SituationSample(tick.state.odometry, observed_situations(new), true))
 
     with session.simulation() as simulator:
-        run = MissionLoop(session.task, session.stack, simulator, sample).run()
-    mission, outcome = session.mission, str(run.verdict.outcome)
-    return SituationDrive(mission.topo_map, mission.start, tuple(samples), outcome)
+        MissionLoop(session.task, session.stack, simulator, sample).run()
+    return SituationDrive(session.mission.topo_map, session.mission.start, tuple(samples))
 
 
 def learn_landmarks(session: Session, least: int = 3) -> tuple[TopoMap, dict[str, Any]]:

@@ -140,7 +140,6 @@ def drive() -> SituationDrive:
 def test_a_drive_has_a_sample_for_each_frame_and_a_spaced_one_for_each_quarter_metre(
     drive: SituationDrive,
 ) -> None:
-    assert drive.outcome == "timeout"
     assert len(drive.samples) == pytest.approx(120, abs=3)
     path = np.array([(s.true.x, s.true.y) for s in drive.samples])
     driven = float(np.hypot(*np.diff(path, axis=0).T).sum())

@@ -90,16 +90,14 @@ def test_a_worker_of_another_version_or_without_a_plugin_is_refused() -> None:
         compare_identities("tcp://a", theirs, ours)
 
 
-def test_a_scheduler_that_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("scheme", "why"), [("tcp", ""), ("tls", ".*check your TLS config")])
+def test_a_scheduler_that_does_not_answer(
+    scheme: str, why: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(dask_engine, "CONNECT_TIME", 0.5)
-    engine = DaskEngine("tcp://127.0.0.1:9", (), limit=1.0, memory=1.0)
-    with pytest.raises(InputError, match=r"no scheduler of Dask answers at tcp://127\.0\.0\.1:9"):
-        engine.__enter__()
-
-
-def test_tls_without_certificates_is_told_before_connecting() -> None:
-    engine = DaskEngine("tls://127.0.0.1:9", (), limit=1.0, memory=1.0)
-    with pytest.raises(InputError, match="--scheduler: tls:// needs certificates"):
+    address = f"{scheme}://127.0.0.1:9"
+    engine = DaskEngine(address, (), limit=1.0, memory=1.0)
+    with pytest.raises(InputError, match=f"no scheduler of Dask answers at {address}{why}"):
         engine.__enter__()
 
 
