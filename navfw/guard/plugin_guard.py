@@ -193,16 +193,11 @@ class PluginGuard:
         return answer
 
     def attempt(
-        self,
-        plugin: str,
-        function: Callable[..., Any],
-        *arguments: Any,
-        check: Callable[[Any], AnswerT],
-        vital: bool = False,
+        self, *call: Any, check: Callable[[Any], AnswerT], vital: bool = False
     ) -> AnswerT | None:
-        """Call as ``call`` does; return None if the plugin fails."""
+        """Call as ``call`` does, with the same arguments; return None if the plugin fails."""
         try:
-            return self.call(plugin, function, *arguments, check=check, vital=vital)
+            return self.call(*call, check=check, vital=vital)
         except PluginCallError:
             return None
 

@@ -263,7 +263,9 @@ def measure(
     confidence = np.ones(log.ticks) if log.confidence is None else log.confidence
     confidence = confidence[sampled] if log.ticks else np.zeros(1)
     believed, confident = confidence > 0.0, confidence >= _CONFIDENT
-    p50, p95 = _median_and_p95(error[believed])
+    p50, p95 = (
+        np.percentile(error[believed], (50.0, 95.0)).tolist() if believed.any() else (None, None)
+    )
     localized = np.flatnonzero(confident & (error <= _CORRECT))
     durations = np.diff(time, append=time[-1])
     duration = float(log.time[-1] - log.time[0]) if log.ticks else 0.0
@@ -309,13 +311,6 @@ def shortest_with_room(plan: SceneGeometry, points: Sequence[Point], radius: flo
             return plan.shortest_path(start, end, radius)[0]
 
     return sum(leg(start, end) for start, end in pairwise(points))
-
-
-def _median_and_p95(errors: Array) -> tuple[float | None, float | None]:
-    """Median and 95th percentile; None without any."""
-    if not errors.size:
-        return None, None
-    return float(np.median(errors)), float(np.percentile(errors, 95.0))
 
 
 def _spl(succeeded: bool, shortest: float, length: float) -> float:

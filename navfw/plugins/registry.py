@@ -62,9 +62,7 @@ class Registry:
     """
 
     def __init__(self) -> None:
-        self._entries: dict[tuple[str, str], _RegistryEntry] = {}
-        self._duplicates: list[_RegistryEntry] = []
-        self._hidden: dict[tuple[str, str], InputError] = {}
+        self._entries: list[_RegistryEntry] = []
         self._files: set[Path] = set()
         self._unread: list[PluginError] = []
 
@@ -139,15 +137,17 @@ class Registry:
 
         """
         check_kind(kind)
-        entry = self._entries.get((kind, name))
+        entry = self._first(kind, name)
         if entry is None:
             unknown = UnknownNameError(f"{kind} plugin", name, self.names(kind))
             if not self._unread:
                 raise unknown
             error = self._unread[0]
             raise PluginError(f"{unknown}; it may be in a file that fails: {error}")
-        if hidden := self._hidden.get((kind, name)):
-            raise hidden
+        of_name = self._of(kind, name)
+        for later in of_name[of_name.index(entry) + 1 :]:  # nor is ``entry`` used in its place
+            if later.error and not later.target and later.source != entry.source:
+                raise later.error
         entry = self._loaded(entry)
         if entry.cls is None:
             raise entry.error or PluginError("broken", key=name)
@@ -156,7 +156,7 @@ class Registry:
     def names(self, kind: str) -> list[str]:
         """Return the sorted names of all plugins of a kind, broken ones included."""
         check_kind(kind)
-        return sorted(name for of, name in self._entries if of == kind)
+        return sorted({entry.name for entry in self._entries if entry.kind == kind})
 
     def listing(self, kind: str | None = None, *, parameters: bool = True) -> list[dict[str, Any]]:
         """Every plugin (of ``kind``) as plain data: description and parameters, or its error.
@@ -170,11 +170,9 @@ class Registry:
         """
         if kind is not None:
             check_kind(kind)
-        entries = [
-            e for e in (*self._entries.values(), *self._duplicates) if kind in {None, e.kind}
-        ]
         order = list(BUILT_IN)
-        entries.sort(key=lambda e: (order.index(e.kind), e.name))
+        entries = [entry for entry in self._entries if kind in {None, entry.kind}]
+        entries.sort(key=lambda e: (order.index(e.kind), e.name, e.error is not None))
         return [self._row(entry, parameters=parameters) for entry in entries]
 
     def _discover_file(self, file: Path) -> None:
@@ -182,13 +180,13 @@ class Registry:
         try:
             module, decorated = plugin_import.import_file(file)
         except PluginError as error:
-            self._record(_RegistryEntry(kind, file.stem, source, error=error))
+            self._entries.append(_RegistryEntry(kind, file.stem, source, error=error))
             self._unread.append(error)
             return
         classes = plugin_import.candidates_of(module, decorated)
         if not classes:
             nothing = plugin_import.nothing_found(module, file)
-            self._record(_RegistryEntry(kind, file.stem, source, error=nothing))
+            self._entries.append(_RegistryEntry(kind, file.stem, source, error=nothing))
         for cls in classes:
             self._register_class(cls, source, file.stem)
 
@@ -203,51 +201,42 @@ class Registry:
         try:
             register()
         except InputError as error:
-            self._record(replace(entry, error=error))
+            self._entries.append(replace(entry, error=error))
 
-    def _record(self, entry: _RegistryEntry) -> None:
-        """Keep a broken entry; it does not replace another one of its name.
+    def _of(self, kind: str, name: str) -> list[_RegistryEntry]:
+        return [entry for entry in self._entries if (entry.kind, entry.name) == (kind, name)]
 
-        Nor is the other one used in its place, unless it is the same file's or a package's.
-        """
-        other = self._entries.setdefault((entry.kind, entry.name), entry)
-        if other is not entry:
-            self._duplicates.append(entry)
-            if entry.error is not None and not entry.target and entry.source != other.source:
-                self._hidden.setdefault((entry.kind, entry.name), entry.error)
+    def _first(self, kind: str, name: str) -> _RegistryEntry | None:
+        """Return the entry of this name: one that is not broken, if there is one."""
+        return min(self._of(kind, name), key=lambda entry: entry.error is not None, default=None)
 
     def _add(self, entry: _RegistryEntry) -> None:
-        """Add an entry; it replaces a broken one of its name.
+        """Add an entry.
 
         Raises:
             PluginError: another plugin that is not broken has the name.
 
         """
-        other = self._entries.get((entry.kind, entry.name))
-        if other is not None and entry.cls is not None and other.cls is entry.cls:
-            return
-        if other is not None and other.error is None:
+        other = self._first(entry.kind, entry.name)
+        if other is None or other.error is not None:
+            self._entries.append(entry)
+        elif entry.cls is None or other.cls is not entry.cls:
             raise PluginError(
                 f"the {entry.kind} name {entry.name!r} is already taken by {other.source}; "
                 "rename one of them",
                 file=entry.source,
                 key=None if entry.cls is None else f"class {entry.cls.__qualname__}",
             )
-        if other is not None:
-            self._duplicates.append(other)
-        self._entries[entry.kind, entry.name] = entry
 
     def _loaded(self, entry: _RegistryEntry) -> _RegistryEntry:
         """Return ``entry``, or the one that takes its place, with its class or an error."""
         if entry.cls is not None or entry.error is not None:
             return entry
         if entry.file is not None:
-            if entry in self._entries.values():  # else another plugin of its file was needed before
-                of_file = [key for key, e in self._entries.items() if e.file == entry.file]
-                for key in of_file:
-                    del self._entries[key]
+            if entry in self._entries:  # else another plugin of its file was needed before
+                self._entries = [other for other in self._entries if other.file != entry.file]
                 self._discover_file(entry.file)
-            return self._entries.get((entry.kind, entry.name), entry)
+            return self._first(entry.kind, entry.name) or entry
         try:
             cls = plugin_import.import_object(entry.target)
             verification.verify(cls)

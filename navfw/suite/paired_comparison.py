@@ -85,14 +85,12 @@ def median_interval(values: Sequence[float]) -> tuple[float, float] | None:
     It assumes no distribution: the number of values below the median is binomial.
 
     >>> median_interval(range(1, 11))
-    (2, 9)
+    (2.0, 9.0)
     """
-    from scipy.stats import binom
+    from scipy.stats import quantile_test
 
-    ordered, count = sorted(values), len(values)
-    # the values below the interval, with its lower end, and as many above
-    rank = int(binom.ppf(0.025, count, 0.5)) if count else 0
-    return (ordered[rank - 1], ordered[count - rank]) if rank else None
+    interval = quantile_test(values or [0.0]).confidence_interval(0.95)
+    return None if math.isnan(interval.low) else (float(interval.low), float(interval.high))
 
 
 _SPL_CHANGE = 0.1
@@ -132,13 +130,14 @@ def paired_changes(pairs: Sequence[RunPair]) -> dict[str, list[RunPair]]:
         elif pair.a.succeeded and abs(pair.spl_difference) > _SPL_CHANGE:
             changes["worse" if pair.spl_difference < 0.0 else "better"].append(pair)
     for name, changed in changes.items():
-        changed.sort(key=_loss, reverse=name in {"gained", "better"})
+        changed.sort(
+            key=lambda pair: (
+                not (pair.b.collisions and not pair.a.collisions),
+                pair.spl_difference,
+            ),
+            reverse=name in {"gained", "better"},
+        )
     return changes
-
-
-def _loss(pair: RunPair) -> tuple[bool, float]:
-    """Return a key that sorts the worst pairs first: new collisions, then the loss of SPL."""
-    return not (pair.b.collisions and not pair.a.collisions), pair.spl_difference
 
 
 def of_variant(rows: Sequence[RunRow], name: str | None) -> Sequence[RunRow]:

@@ -24,24 +24,6 @@ from navfw.sim.worldspec import BoxSpec, CylinderSpec
 CLAMP_MAX = 3.0
 
 
-@pytest.mark.parametrize(
-    ("symptoms", "cause"),
-    [
-        ({}, Cause.UNSEEN),
-        ({"mapped": "free"}, Cause.MAPPED_AS_FREE),
-        ({"mapped": "occupied"}, Cause.DROVE_INTO),
-        ({"mapped": "occupied", "bearing": -1.4}, Cause.TURNED_INTO),
-        ({"mapped": "occupied", "bearing": 3.0, "speed": -0.1}, Cause.REVERSED_INTO),
-        ({"mapped": "unknown", "bearing": 0.2, "speed": -0.1}, Cause.UNSEEN),
-        ({"mapped": ""}, Cause.OBSTACLE),
-        ({"by_mover": True, "mapped": "occupied"}, Cause.MOVER),
-    ],
-)
-def test_collisions(symptoms: dict[str, Any], cause: Cause) -> None:
-    usual: dict[str, Any] = {"bearing": 0.1, "speed": 0.3, "mapped": "unknown"}
-    assert classify(FailureSymptoms(Outcome.COLLIDED, **{**usual, **symptoms})) is cause
-
-
 def motion(driven: float, gained: float, lately: float, turned: float) -> dict[str, Any]:
     """Ways [m] and progress [m] in all; way [m] and turns [rad] in the last 30 s."""
     late = {"recent": 30.0, "recent_driven": lately, "recent_turned": turned}
@@ -95,9 +77,21 @@ def test_a_robot_that_sees_too_little_to_go_on(
     assert classify(FailureSymptoms(outcome, sight=Sight.LITTLE, **symptoms)) is little
 
 
+HIT = {"bearing": 0.1, "speed": 0.3, "mapped": "unknown"}
+BLOCKED = {**HIT, "mapped": "occupied"}
+
+
 @pytest.mark.parametrize(
     ("outcome", "symptoms", "cause"),
     [
+        (Outcome.COLLIDED, HIT, Cause.UNSEEN),
+        (Outcome.COLLIDED, {**HIT, "mapped": "free"}, Cause.MAPPED_AS_FREE),
+        (Outcome.COLLIDED, BLOCKED, Cause.DROVE_INTO),
+        (Outcome.COLLIDED, {**BLOCKED, "bearing": -1.4}, Cause.TURNED_INTO),
+        (Outcome.COLLIDED, {**BLOCKED, "bearing": 3.0, "speed": -0.1}, Cause.REVERSED_INTO),
+        (Outcome.COLLIDED, {**HIT, "bearing": 0.2, "speed": -0.1}, Cause.UNSEEN),
+        (Outcome.COLLIDED, {**HIT, "mapped": ""}, Cause.OBSTACLE),
+        (Outcome.COLLIDED, {**BLOCKED, "by_mover": True}, Cause.MOVER),
         (Outcome.LOST, {"estimate_error_max": 0.4, "slack": 0.1}, Cause.ESTIMATE_ERROR),
         (Outcome.LOST, {"estimate_error_max": 0.02, "slack": 0.1}, Cause.GOAL_MISSED),
         (Outcome.TIMEOUT, {**DRIVES}, Cause.SLOW),

@@ -182,7 +182,6 @@ def test_wrong_robot_files_with_a_urdf(project: Path, old: str, new: str, messag
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        (BOX, MESH, r"own.urdf:\d+: mesh 'meshes/hull.stl' does not exist; copy"),
         (BOX, '<mesh filename="package://x/hull.stl"/>', r"mesh 'package://x.* urdf.packages"),
         ('<axis xyz="0 1 0"/>', '<axis xyz="1 0 0"/>', "the axis of 'left_axle' is not across"),
         ('<child link="camera"/>', '<child link="eye"/>', "its child link 'eye' does not exist"),
@@ -256,15 +255,6 @@ def test_a_run_tells_of_an_impossible_inertia(project: Path) -> None:
     (project / "robots" / "own.urdf").write_text(URDF.replace('ixx="0.08"', 'ixx="8"'))
     answer = invoke("run", "empty", "straight", "--robot", "own", "--set", "mission.timeout=0.2")
     assert "assumed: robots/own.urdf:8: inertia of link 'base_link': that of a box" in answer.stderr
-
-
-def test_a_mesh_that_is_only_seen_may_be_missing(project: Path) -> None:
-    seen = f'<visual>\n      <origin xyz="0 0 0.15"/>\n      <geometry>{BOX}'
-    assert seen in URDF
-    missing = seen.replace(BOX, '<mesh filename="package://cart/hull.dae"/>')
-    (project / "robots" / "own.urdf").write_text(URDF.replace(seen, missing))
-    with prepare("empty", "straight", overrides=["robot=own"]).simulation() as sim:
-        assert sim.read().frame is not None
 
 
 @pytest.mark.parametrize(

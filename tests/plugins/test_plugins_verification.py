@@ -130,6 +130,10 @@ def test_more_than_the_interface_is_allowed(thing: Any) -> None:
             "path must be a property; put @property above it",
         ),
         (
+            body("landmark_frames = property(len)", base="FeatureRecognizer"),
+            "landmark_frames must be a value, not a property; write: landmark_frames = ...",
+        ),
+        (
             body(OK, "class Params(BaseModel): pass"),
             "Params is not derived from the base's; write: class Params(Behavior.Params)",
         ),

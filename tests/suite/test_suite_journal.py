@@ -207,11 +207,6 @@ def test_a_journal_of_another_version_is_refused(out: SuiteFolder) -> None:
         out.open(plan(), "abc", begin="resume")
 
 
-def test_suite_json_names_the_contents_of_now(out: SuiteFolder) -> None:
-    run(plan(1, rooms="aa", maze="bb"), out)
-    assert json.loads((out.path / "suite.json").read_text())["current"] == ["aa", "bb"]
-
-
 numbers = st.none() | st.floats(allow_nan=False)
 texts = st.text(st.characters(codec="utf-8"), max_size=40)
 lines = texts.map(lambda text: " ".join(text.split()))

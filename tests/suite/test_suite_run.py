@@ -111,15 +111,6 @@ def test_a_run_with_too_much_memory_is_a_fault_with_its_reason(out: SuiteFolder)
     assert (done.summary["died"], done.exit_code) == (1, 1)
 
 
-def test_resuming_with_another_configuration_is_refused(out: SuiteFolder) -> None:
-    run(plan(2), out)
-    before = out.table.read_text()
-    other = replace(plan(2, 4), content={**CONTENT, "stack default of entry rooms": "other"})
-    with pytest.raises(InputError, match="stack default of entry rooms differs"):
-        out.open(other, "abc", begin="resume")
-    assert out.table.read_text() == before
-
-
 def test_revisions_are_recorded(out: SuiteFolder) -> None:
     run(plan(2), out)
     out.open(plan(2), "def-dirty", begin="resume")
