@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import cv2
 import numpy as np
@@ -25,8 +25,8 @@ from navfw.signals import GrownGrid, Pose
 from navfw.sim.scene_geometry import ConfigurationSpaceGrid, SceneGeometry
 from navfw.sim.world_changes import WalkerTrack
 
-if TYPE_CHECKING:
-    from navfw.missions.session import Session
+Session = Any
+"""Stands for ``navfw.missions.session.Session``, whose module imports this one."""
 
 _POINT_RADIUS = 0.03
 """Radius [m] of a nearly point-shaped robot, to tell narrow passages from closed ones."""

@@ -72,7 +72,7 @@ def test_the_landmark_kind_and_the_event_take_part_in_a_mission() -> None:
     assert set(session.stack.state.detection_counts) == {"apriltag-7", "apriltag-8"}
     assert session.stack.state.belief is not None
     assert session.stack.state.belief.updates > 0
-    begun = [set(record.spec) - {"at", "lasting"} for record in result.events]
+    begun = [set(record.event) - {"at", "lasting"} for record in result.events]
     assert begun == [{"light"}, {"obstacle"}, {"obstacle"}]
 
 
