@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import importlib
 import sys
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 
 from navfw.cli.installed_commands import installed_commands, load_command, summary_of
-from navfw.cli.options import SuggestingGroup
+from navfw.cli.options import SuggestingGroup, option
 from navfw.cli.output import echo, standard_streams
 from navfw.cli.supervisor import supervise
 from navfw.cli.trust import TrustOnce, accept_trust, ask_on_terminal
@@ -31,11 +31,11 @@ PANELS = {
     "Drive": {
         "demo": "demo",
         "run": "run",
-        "replay": "recordings",
+        "replay": "replay",
         "perceive": "perceive",
         "ros": "ros",
     },
-    "Look": {"list": "listings", "explain": "explain", "report": "recordings", "export": "bags"},
+    "Look": {"list": "listings", "explain": "explain", "report": "recordings", "export": "replay"},
     "Make": {"world": "world", "map": "map", "rules": "edit_rules"},
     "Measure": {"suite": "suite", "tune": "tune"},
     "Project": {
@@ -126,9 +126,9 @@ def _version(wanted: bool) -> None:
 @app.callback()
 def _root(
     ctx: typer.Context,
-    version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
-    ] = False,
+    version: bool = option(
+        False, "Show the version.", "--version", callback=_version, is_eager=True
+    ),
     trust: TrustOnce = False,
 ) -> None:
     del version

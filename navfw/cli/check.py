@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from navfw.cli.options import JsonList
+from navfw.cli.options import JsonList, argument
 from navfw.cli.output import echo, print_json, quiet_stdout
 from navfw.cli.warm import compile_with_progress
 from navfw.config.file_kinds import FILE_KINDS, FileKind
@@ -29,13 +29,11 @@ _TRIED = ("behavior", "composite")
 
 
 def check(
-    paths: Annotated[
-        list[Path] | None,
-        typer.Argument(
-            metavar="[PATH]...",
-            help="Files, plugin files, or folders of a project; by default the current project.",
-        ),
-    ] = None,
+    paths: list[Path] | None = argument(
+        None,
+        "Files, plugin files, or folders of a project; by default the current project.",
+        metavar="[PATH]...",
+    ),
     json: JsonList = False,
 ) -> None:
     """Check files and plugins without driving. Exit with 2 if one is wrong; all errors are listed.
@@ -67,13 +65,9 @@ def check(
 
 
 def schema(
-    kind: Annotated[
-        str,
-        typer.Argument(
-            metavar="KIND",
-            help=f"Kind of file: {', '.join(sorted(FILE_KINDS))}; or result, of a run.",
-        ),
-    ],
+    kind: str = argument(
+        ..., f"Kind of file: {', '.join(sorted(FILE_KINDS))}; or result, of a run.", metavar="KIND"
+    ),
 ) -> None:
     """Print the JSON Schema of a kind of file. Editors complete and explain keys with it.
 

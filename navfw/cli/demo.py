@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import time
 from functools import partial
-from typing import Annotated
 
 import typer
 
 from navfw.cli.live import live_server, shown_live
+from navfw.cli.options import option
 from navfw.cli.output import echo, print_table, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.cli.run import LINE_PERIOD, show_tick
@@ -29,12 +29,8 @@ DRIVES = (
 
 
 def demo(
-    port: Annotated[
-        int, typer.Option(min=0, max=65535, help="Port of the page; 0 takes a free one.")
-    ] = 8765,
-    speed: Annotated[
-        float, typer.Option(help="Simulated per wall time, at most; 1 is real time.")
-    ] = _SPEED,
+    port: int = option(8765, "Port of the page; 0 takes a free one.", min=0, max=65535),
+    speed: float = option(_SPEED, "Simulated per wall time, at most; 1 is real time."),
     quiet: Quiet = False,
 ) -> None:
     """Drive five missions in about two minutes, on one live page. Nothing is written.

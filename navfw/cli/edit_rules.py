@@ -3,27 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
+from navfw.cli.options import argument, option
 from navfw.cli.output import echo, quiet_stdout
 
 
 def rules(
-    name: Annotated[
-        str,
-        typer.Argument(
-            metavar="FILE|BEHAVIOR", help="A file of rules, or a behaviour or composite by name."
-        ),
-    ],
-    run: Annotated[
-        Path | None,
-        typer.Option(help="Run folder written by navfw run --record: its moments, and Drive."),
-    ] = None,
-    port: Annotated[
-        int, typer.Option(min=0, max=65535, help="Port of the page; 0 takes a free one.")
-    ] = 0,
+    name: str = argument(
+        ..., "A file of rules, or a behaviour or composite by name.", metavar="FILE|BEHAVIOR"
+    ),
+    run: Path | None = option(
+        None, "Run folder written by navfw run --record: its moments, and Drive."
+    ),
+    port: int = option(0, "Port of the page; 0 takes a free one.", min=0, max=65535),
 ) -> None:
     """Serve a page to look at rules and edit them, to this machine alone, until Ctrl-C."""
     with quiet_stdout():

@@ -6,51 +6,38 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 
-from navfw.cli.options import Json, Recorded
+from navfw.cli.options import Json, Recorded, option
 from navfw.cli.output import echo, print_json, print_result, quiet_stdout
 from navfw.config.lookup import plugin_files, shipped_folder
-
-_At = Annotated[
-    float | None,
-    typer.Option(help="Time since the start of the run [s]; without, the story of the drive."),
-]
-_From = Annotated[
-    float,
-    typer.Option(
-        "--from", show_default=False, help="Tell the story in detail from this time on [s]."
-    ),
-]
-_To = Annotated[
-    float, typer.Option("--to", show_default=False, help="Tell the story up to this time [s].")
-]
-_Instead = Annotated[
-    str | None,
-    typer.Option(
-        "--why-not",
-        metavar="left|right|faster|slower|stop|V,W",
-        help="With --at: what was against another command, and the smallest change that would have"
-        " given it.",
-    ),
-]
-_Inference = Annotated[
-    bool,
-    typer.Option(
-        "--inference", help="With --at and --json: how OFFIS came to its sentence; repeats the run."
-    ),
-]
 
 
 def explain(
     folder: Recorded,
-    at: _At = None,
-    begin: _From = 0.0,
-    end: _To = math.inf,
-    instead: _Instead = None,
-    inference: _Inference = False,
+    at: float | None = option(
+        None, "Time since the start of the run [s]; without, the story of the drive."
+    ),
+    begin: float = option(
+        0.0, "Tell the story in detail from this time on [s].", "--from", show_default=False
+    ),
+    end: float = option(
+        math.inf, "Tell the story up to this time [s].", "--to", show_default=False
+    ),
+    instead: str | None = option(
+        None,
+        "With --at: what was against another command, and the smallest change that would have"
+        " given it.",
+        "--why-not",
+        metavar="left|right|faster|slower|stop|V,W",
+    ),
+    inference: bool = option(
+        False,
+        "With --at and --json: how OFFIS came to its sentence; repeats the run.",
+        "--inference",
+    ),
     json: Json = False,
 ) -> None:
     """Tell the story of a drive, or explain its command at one moment, rule by rule."""
@@ -60,10 +47,10 @@ def explain(
         )
     of_moment = {"--inference": inference, "--why-not": instead is not None}
     of_story = {"--from": begin > 0.0, "--to": end < math.inf}
-    for option, is_set in (of_story if at is not None else of_moment).items():
+    for name, is_set in (of_story if at is not None else of_moment).items():
         if is_set:
             other = "cannot be given with --at" if at is not None else "needs --at"
-            raise typer.BadParameter(other, param_hint=option)
+            raise typer.BadParameter(other, param_hint=name)
     if at is None:
         _tell(folder, begin, end, json=json)
     elif instead is None:

@@ -7,12 +7,12 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 
 from navfw.assumption import Assumption
-from navfw.cli.options import Json, from_options, numbers_of
+from navfw.cli.options import Json, argument, from_options, numbers_of, option
 from navfw.cli.output import echo, print_assumed, print_json, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError
@@ -24,47 +24,30 @@ from navfw.process.work_progress import ProgressCallback, silent
 class ImportOptions:
     """Arguments and options of ``navfw world import``."""
 
-    source: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="FILE...", help="SDF file, map_server yaml, or image of a floor plan."
-        ),
-    ]
-    out: Annotated[Path, typer.Option(help="Folder to write; several files get OUT/NAME each.")]
-    start: Annotated[
-        str | None,
-        typer.Option(metavar="X,Y,YAW", help="SDF: start [m, rad]; not needed for a BARN world."),
-    ] = None
-    goal: Annotated[
-        str | None, typer.Option(metavar="X,Y", help="SDF: goal [m]; not needed for a BARN world.")
-    ] = None
-    skip_unsupported: Annotated[
-        bool, typer.Option("--skip-unsupported", help="SDF: leave out unsupported elements.")
-    ] = False
-    models: Annotated[
-        Path | None, typer.Option(help="SDF: folder of models that are not beside the world.")
-    ] = None
-    resolution: Annotated[
-        float | None, typer.Option(help="Image: edge of a pixel [m]; a yaml file has its own.")
-    ] = None
-    speckle: Annotated[
-        float | None, typer.Option(help="Plan: remove spots up to this size [m] [default: 0.12].")
-    ] = None
-    gap: Annotated[
-        float | None, typer.Option(help="Plan: close narrower openings [m] [default: 0.15].")
-    ] = None
-    inside: Annotated[
-        str | None,
-        typer.Option(
-            metavar="X,Y",
-            help="Plan: import the piece of free ground with this point [m].",
-            show_default="the largest within walls",
-        ),
-    ] = None
-    name: Annotated[
-        list[str] | None,
-        typer.Option(metavar="X,Y=NAME", help="Plan: name the place at a point [m]. Repeatable."),
-    ] = None
+    source: list[Path] = argument(
+        ..., "SDF file, map_server yaml, or image of a floor plan.", metavar="FILE..."
+    )
+    out: Path = option(..., "Folder to write; several files get OUT/NAME each.")
+    start: str | None = option(
+        None, "SDF: start [m, rad]; not needed for a BARN world.", metavar="X,Y,YAW"
+    )
+    goal: str | None = option(None, "SDF: goal [m]; not needed for a BARN world.", metavar="X,Y")
+    skip_unsupported: bool = option(
+        False, "SDF: leave out unsupported elements.", "--skip-unsupported"
+    )
+    models: Path | None = option(None, "SDF: folder of models that are not beside the world.")
+    resolution: float | None = option(None, "Image: edge of a pixel [m]; a yaml file has its own.")
+    speckle: float | None = option(None, "Plan: remove spots up to this size [m] [default: 0.12].")
+    gap: float | None = option(None, "Plan: close narrower openings [m] [default: 0.15].")
+    inside: str | None = option(
+        None,
+        "Plan: import the piece of free ground with this point [m].",
+        metavar="X,Y",
+        show_default="the largest within walls",
+    )
+    name: list[str] | None = option(
+        None, "Plan: name the place at a point [m]. Repeatable.", metavar="X,Y=NAME"
+    )
     json: Json = False
     quiet: Quiet = False
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 
-from navfw.cli.options import JsonList, SuggestingGroup, World
+from navfw.cli.options import JsonList, SuggestingGroup, World, option
 from navfw.cli.output import console, print_json, print_table, quiet_stdout
 from navfw.config import lookup
 from navfw.config.file_kinds import FILE_KINDS, FileKind
@@ -67,13 +67,12 @@ def _lister(kind: FileKind) -> Callable[[bool], None]:
 
 
 def plugins(
-    kind: Annotated[
-        str | None,
-        typer.Option("--kind", help="List only this kind, with parameters: behavior, flow, ..."),
-    ] = None,
-    parameters: Annotated[
-        bool, typer.Option("--parameters", help="List parameters, and verify navfw's own plugins.")
-    ] = False,
+    kind: str | None = option(
+        None, "List only this kind, with parameters: behavior, flow, ...", "--kind"
+    ),
+    parameters: bool = option(
+        False, "List parameters, and verify navfw's own plugins.", "--parameters"
+    ),
     json: JsonList = False,
 ) -> None:
     """List the plugins. Exit with 2 if one is broken; its error is listed.

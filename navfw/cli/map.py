@@ -10,7 +10,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from navfw.cli.options import Json, Map, Mission, NoiseSeed, Stack, World, command_group
+from navfw.cli.options import (
+    Json,
+    Map,
+    Mission,
+    NoiseSeed,
+    Stack,
+    World,
+    argument,
+    command_group,
+    option,
+)
 from navfw.cli.output import (
     echo,
     print_assumed,
@@ -51,7 +61,7 @@ def add_to(app: typer.Typer) -> None:
 def show(
     map_: Map,
     world: _OverWorld = None,
-    out: Annotated[Path | None, typer.Option(help="PNG file to write [default: MAP.png].")] = None,
+    out: Path | None = option(None, "PNG file to write [default: MAP.png]."),
     json: Json = False,
 ) -> None:
     """Draw a map over its world's floor plan."""
@@ -88,9 +98,9 @@ def show(
 def check(
     map_: Map,
     world: _OverWorld = None,
-    robot: Annotated[
-        str, typer.Option(help="Name or file of the robot that is to fit through the passages.")
-    ] = "default",
+    robot: str = option(
+        "default", "Name or file of the robot that is to fit through the passages."
+    ),
     json: Json = False,
 ) -> None:
     """Check a map and its world. Exit with 1 if there are problems."""
@@ -118,10 +128,10 @@ def check(
 
 
 def diff(
-    before: Annotated[str, typer.Argument(metavar="A", help="Name or file of a map.")],
-    after: Annotated[str, typer.Argument(metavar="B", help="Name or file of a later map.")],
+    before: str = argument(..., "Name or file of a map.", metavar="A"),
+    after: str = argument(..., "Name or file of a later map.", metavar="B"),
     world: _OverWorld = None,
-    out: Annotated[Path | None, typer.Option(help="PNG file to draw the changes to.")] = None,
+    out: Path | None = option(None, "PNG file to draw the changes to."),
     json: Json = False,
 ) -> None:
     """List what has changed from one map to another: doors, passages, furniture that is gone."""
@@ -145,7 +155,7 @@ def diff(
 
 def build(
     world: World,
-    out: Annotated[Path, typer.Option(help="Map file to write.")],
+    out: Path = option(..., "Map file to write."),
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -170,11 +180,9 @@ def build(
 
 
 def convert(
-    source: Annotated[str, typer.Argument(metavar="IN", help="Name or file of a map.")],
-    out: Annotated[Path, typer.Argument(help="File to write: .yaml, .graphml or .geojson.")],
-    both_ways: Annotated[
-        bool, typer.Option("--both-ways", help="Make one-way edges two-way.")
-    ] = False,
+    source: str = argument(..., "Name or file of a map.", metavar="IN"),
+    out: Path = argument(..., "File to write: .yaml, .graphml or .geojson."),
+    both_ways: bool = option(False, "Make one-way edges two-way.", "--both-ways"),
     json: Json = False,
 ) -> None:
     """Convert a map to another format. Formats: YAML, GraphML, GeoJSON of Nav2's route server."""
@@ -203,12 +211,12 @@ def _print_result(
 
 def export(
     world: World,
-    out: Annotated[Path, typer.Option(help="Yaml file to write; its image is beside it.")],
-    resolution: Annotated[float, typer.Option(help="Edge of a cell [m].")] = 0.05,
-    walls_only: Annotated[
-        bool, typer.Option("--walls-only", help="Leave out furniture, drops and closed doors.")
-    ] = False,
-    image: Annotated[str, typer.Option(help="Format of the image: pgm, png or bmp.")] = "pgm",
+    out: Path = option(..., "Yaml file to write; its image is beside it."),
+    resolution: float = option(0.05, "Edge of a cell [m]."),
+    walls_only: bool = option(
+        False, "Leave out furniture, drops and closed doors.", "--walls-only"
+    ),
+    image: str = option("pgm", "Format of the image: pgm, png or bmp."),
     json: Json = False,
 ) -> None:
     """Export a world's floor plan for ROS' map_server, as Nav2 uses it."""
@@ -233,17 +241,13 @@ def export(
 
 def plan(
     map_: Map,
-    start: Annotated[str, typer.Argument(help="Name of a place, or x,y [m].")],
-    goal: Annotated[str, typer.Argument(help="Name of a place, or x,y [m].")],
-    avoid: Annotated[
-        list[str] | None,
-        typer.Option(help="Close the passage PLACE:PLACE. May be repeated."),
-    ] = None,
-    world: Annotated[
-        str | None,
-        typer.Option(help="World to draw in the plot [default: the world with the map's name]."),
-    ] = None,
-    plot: Annotated[Path | None, typer.Option(help="PNG file to draw the route to.")] = None,
+    start: str = argument(..., "Name of a place, or x,y [m]."),
+    goal: str = argument(..., "Name of a place, or x,y [m]."),
+    avoid: list[str] | None = option(None, "Close the passage PLACE:PLACE. May be repeated."),
+    world: str | None = option(
+        None, "World to draw in the plot [default: the world with the map's name]."
+    ),
+    plot: Path | None = option(None, "PNG file to draw the route to."),
     json: Json = False,
 ) -> None:
     """Plan a route without driving it. Lists the cost of each passage and the rules behind it."""
@@ -293,13 +297,9 @@ def learn_landmarks(
     world: World,
     mission: Mission,
     stack: Stack = "default",
-    out: Annotated[
-        Path | None, typer.Option(help="Map file to write [default: MAP-learnt.yaml].")
-    ] = None,
+    out: Path | None = option(None, "Map file to write [default: MAP-learnt.yaml]."),
     seed: NoiseSeed = 0,
-    least: Annotated[
-        int, typer.Option(min=1, max=1000, help="Least number of observations of a landmark.")
-    ] = 3,
+    least: int = option(3, "Least number of observations of a landmark.", min=1, max=1000),
     json: Json = False,
 ) -> None:
     """Add detected landmarks to a map. Drives a mission, and writes its map with them."""
@@ -336,11 +336,9 @@ def learn_landmarks(
 
 
 def learn_situations(
-    suite: Annotated[
-        str, typer.Argument(metavar="SUITE", help="Name or file of a suite.")
-    ] = "situations",
-    seeds: Annotated[str, typer.Option(metavar="A:B", help="Seeds from A to B - 1.")] = "7000:7005",
-    out: Annotated[Path, typer.Option(help="File to write.")] = Path("situations.yaml"),
+    suite: str = argument("situations", "Name or file of a suite.", metavar="SUITE"),
+    seeds: str = option("7000:7005", "Seeds from A to B - 1.", metavar="A:B"),
+    out: Path = option(Path("situations.yaml"), "File to write."),
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:

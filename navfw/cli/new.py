@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from navfw.cli.options import command_group
+from navfw.cli.options import argument, command_group, option
 from navfw.cli.output import echo
 from navfw.scaffold.part_kinds import PARTS
 
@@ -17,9 +17,6 @@ _Name = Annotated[
     str, typer.Argument(metavar="NAME", help="Its name: slow_down for code, east-wing for files.")
 ]
 _STARTS = PARTS["behavior"].starts
-_Start = Annotated[
-    str, typer.Option(metavar="START", help=f"What it begins as: {', '.join(_STARTS)}.")
-]
 
 
 def add_to(app: typer.Typer) -> None:
@@ -32,7 +29,7 @@ def add_to(app: typer.Typer) -> None:
 
 
 def project(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to write; new, or empty.")],
+    folder: Path = argument(..., "Folder to write; new, or empty.", metavar="DIR"),
 ) -> None:
     """Write a project: behaviour, rules, stack, world, map, mission and tests.
 
@@ -51,7 +48,12 @@ def project(
 
 
 def _writer(kind: str) -> Callable[..., None]:
-    def write(name: _Name, start: _Start = PARTS[kind].starts[0]) -> None:
+    def write(
+        name: _Name,
+        start: str = option(
+            PARTS[kind].starts[0], f"What it begins as: {', '.join(_STARTS)}.", metavar="START"
+        ),
+    ) -> None:
         from navfw.scaffold.new_files import write_part
 
         written, then = write_part(kind, name, start)
@@ -59,6 +61,6 @@ def _writer(kind: str) -> Callable[..., None]:
         echo(f"next: navfw check && {then}")
 
     def write_only(name: _Name) -> None:
-        write(name)
+        write(name, PARTS[kind].starts[0])
 
     return write if kind == "behavior" else write_only

@@ -78,6 +78,22 @@ def complete_setting(_: typer.Context) -> Iterable[str]:
     return sorted({*behaviors, *_PARTS_OF_MISSION})
 
 
+def option(default: Any, text: str, *names: str, kind: str = "", **settings: Any) -> Any:
+    """Declare an option of a command, in its signature or its dataclass, with its help ``text``.
+
+    A ``default`` of ``...`` makes it required. Names of files of a ``kind`` are completed;
+    ``settings`` are those of ``typer.Option``.
+    """
+    if kind:
+        settings["autocompletion"] = completer_of(kind)
+    return typer.Option(default, *names, help=text, **settings)
+
+
+def argument(default: Any, text: str, **settings: Any) -> Any:
+    """Declare an argument of a command as ``option`` does an option."""
+    return typer.Argument(default, help=text, **settings)
+
+
 World = Annotated[
     str,
     typer.Argument(
@@ -117,8 +133,6 @@ Robot = Annotated[
         autocompletion=completer_of("robot"),
     ),
 ]
-VariantA = Annotated[str | None, typer.Option(help="Use only this variant of A.")]
-VariantB = Annotated[str | None, typer.Option(help="Use only this variant of B.")]
 NoiseSeed = Annotated[int, typer.Option(min=0, help="Seed of all noise.")]
 Json = Annotated[
     bool, typer.Option("--json", help="Print one JSON object on stdout, and nothing else.")
@@ -147,9 +161,6 @@ def of_robot(name: str | None) -> tuple[str, ...]:
     return (f"robot={json.dumps(name if file.stem == name else str(file.absolute()))}",)
 
 
-Record = Annotated[
-    bool, typer.Option("--record", help="Record the run as MCAP, for replay, explain and viewers.")
-]
 Video = Annotated[
     Path | None,
     typer.Option(

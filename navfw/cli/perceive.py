@@ -8,11 +8,9 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from navfw.cli.options import ImuAxes, LivePort, Topic, from_options
+from navfw.cli.options import ImuAxes, LivePort, Topic, argument, from_options, option
 from navfw.cli.output import echo, print_assumed, print_json_list, quiet_stdout, quietly
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError, locating
@@ -38,123 +36,87 @@ if TYPE_CHECKING:
 class PerceiveOptions:
     """Arguments and options of ``navfw perceive``."""
 
-    source: Annotated[
-        list[Path] | None,
-        typer.Argument(
-            help="A folder of images, a video, image files, or a bag; without one, the webcam"
-            " --camera N.",
-            show_default=False,
-        ),
-    ] = None
+    source: list[Path] | None = argument(
+        None,
+        "A folder of images, a video, image files, or a bag; without one, the webcam --camera N.",
+        show_default=False,
+    )
     topic: Topic = None
-    hfov: Annotated[
-        float | None,
-        typer.Option(
-            help="Horizontal field of view [degrees]; by default estimated from turns of the"
-            " camera, or 65 along the longer side of the images, as of a phone."
-        ),
-    ] = None
-    calibration: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Calibration of the camera instead of --hfov: of OpenCV, ROS, Kalibr, EuRoC, VINS"
-            " or ORB-SLAM. Its lens distortion is removed; by default it is estimated.",
-        ),
-    ] = None
-    camera: Annotated[
-        str | None,
-        typer.Option(
-            help="Which camera of a calibration of several: its name or topic. Without a source:"
-            " the number of a webcam, from 0 on."
-        ),
-    ] = None
-    speed: Annotated[
-        float | None,
-        typer.Option(
-            help="Forward speed [m/s]. Unknown or 0: times to contact only, unless --height is"
-            " given and the floor is visible."
-        ),
-    ] = None
-    fps: Annotated[
-        float | None,
-        typer.Option(help="Images per second; by default that of the video, 10 for files."),
-    ] = None
-    times: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Times of image files instead of --fps: lines of a time [s] and, if known, the"
-            " file.",
-        ),
-    ] = None
-    height: Annotated[
-        float | None,
-        typer.Option(
-            help="Height of the camera above the floor [m]; by default from floor and speed."
-        ),
-    ] = None
-    pitch: Annotated[
-        float | None,
-        typer.Option(help="Pitch of the camera, nose down positive [degrees]; by default 0."),
-    ] = None
-    gyro: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="CSV file: time [s], yaw_rate [rad/s] and, if known, pitch_rate, roll_rate; units"
-            " may be named in the header. By default the rotation is estimated from the flow.",
-        ),
-    ] = None
-    poses: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Poses of the camera instead of --gyro, in TUM format: time [s], tx ty tz [m],"
-            " qx qy qz qw, or of EuRoC. They give rotation and speed.",
-        ),
-    ] = None
+    hfov: float | None = option(
+        None,
+        "Horizontal field of view [degrees]; by default estimated from turns of the camera, or 65"
+        " along the longer side of the images, as of a phone.",
+    )
+    calibration: Path | None = option(
+        None,
+        "Calibration of the camera instead of --hfov: of OpenCV, ROS, Kalibr, EuRoC, VINS or"
+        " ORB-SLAM. Its lens distortion is removed; by default it is estimated.",
+        metavar="FILE",
+    )
+    camera: str | None = option(
+        None,
+        "Which camera of a calibration of several: its name or topic. Without a source: the number"
+        " of a webcam, from 0 on.",
+    )
+    speed: float | None = option(
+        None,
+        "Forward speed [m/s]. Unknown or 0: times to contact only, unless --height is given and"
+        " the floor is visible.",
+    )
+    fps: float | None = option(
+        None, "Images per second; by default that of the video, 10 for files."
+    )
+    times: Path | None = option(
+        None,
+        "Times of image files instead of --fps: lines of a time [s] and, if known, the file.",
+        metavar="FILE",
+    )
+    height: float | None = option(
+        None, "Height of the camera above the floor [m]; by default from floor and speed."
+    )
+    pitch: float | None = option(
+        None, "Pitch of the camera, nose down positive [degrees]; by default 0."
+    )
+    gyro: Path | None = option(
+        None,
+        "CSV file: time [s], yaw_rate [rad/s] and, if known, pitch_rate, roll_rate; units may be"
+        " named in the header. By default the rotation is estimated from the flow.",
+        metavar="FILE",
+    )
+    poses: Path | None = option(
+        None,
+        "Poses of the camera instead of --gyro, in TUM format: time [s], tx ty tz [m], qx qy qz"
+        " qw, or of EuRoC. They give rotation and speed.",
+        metavar="FILE",
+    )
     imu_axes: ImuAxes = None
-    flow: Annotated[str, typer.Option(metavar="PLUGIN", help="Flow processor.")] = "registered"
-    grid: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ROWSxCOLUMNS",
-            help="Grid of the flow; by default 12x16, and 16x12 for upright images.",
-        ),
-    ] = None
-    stride: Annotated[
-        int | None,
-        typer.Option(
-            help="Distance between the images of a pair [images]; by default chosen by the flow."
-        ),
-    ] = None
-    overlay: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="OUT",
-            help="Draw the results: a folder of PNG files, or an .mp4 file (extra video).",
-        ),
-    ] = None
-    page: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Write a page to scroll through: pictures, sentences, nearness (extra report).",
-        ),
-    ] = None
-    live: Annotated[
-        bool,
-        typer.Option(
-            "--live",
-            help="Serve that page to this machine alone while the images come, at their"
-            " own speed, from the first viewer on (extra report).",
-        ),
-    ] = False
+    flow: str = option("registered", "Flow processor.", metavar="PLUGIN")
+    grid: str | None = option(
+        None,
+        "Grid of the flow; by default 12x16, and 16x12 for upright images.",
+        metavar="ROWSxCOLUMNS",
+    )
+    stride: int | None = option(
+        None, "Distance between the images of a pair [images]; by default chosen by the flow."
+    )
+    overlay: Path | None = option(
+        None,
+        "Draw the results: a folder of PNG files, or an .mp4 file (extra video).",
+        metavar="OUT",
+    )
+    page: Path | None = option(
+        None,
+        "Write a page to scroll through: pictures, sentences, nearness (extra report).",
+        metavar="FILE",
+    )
+    live: bool = option(
+        False,
+        "Serve that page to this machine alone while the images come, at their own speed, from the"
+        " first viewer on (extra report).",
+        "--live",
+    )
     port: LivePort = 8765
-    json: Annotated[
-        bool, typer.Option("--json", help="Print a JSON list of objects, one per pair of images.")
-    ] = False
+    json: bool = option(False, "Print a JSON list of objects, one per pair of images.", "--json")
     quiet: Quiet = False
 
 

@@ -1,4 +1,4 @@
-"""``navfw replay`` and ``navfw report`` of recorded runs and suites; and the option ``--video``.
+"""``navfw report`` of recorded runs and suites; and the option ``--video``.
 
 A report is one HTML file about a run or a suite that needs no network. Two suites are compared run
 by run, also as text.
@@ -8,164 +8,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from navfw.cli.bags import replay_bag
 from navfw.cli.options import (
-    ImuAxes,
-    Json,
-    Robot,
-    Topic,
-    VariantA,
-    VariantB,
-    Video,
-    complete_setting,
+    argument,
+    option,
 )
-from navfw.cli.output import echo, print_json, print_result, quiet_stdout
+from navfw.cli.output import echo, print_json, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.config.input_file import is_file
 from navfw.config.lookup import find
 from navfw.errors import InputError, locating
 from navfw.process.atomic import output_file, write_text
 from navfw.process.result_table import shown
-from navfw.recording.run_folder import RECORDING, REPORT, RESULT, is_bag, read_result
+from navfw.recording.run_folder import RECORDING, REPORT, RESULT, read_result
 
 if TYPE_CHECKING:
     from navfw.suite.suite_folder import SuiteFolder
 
 VIDEO = "--video"
 """The name of the option, for messages."""
-
-
-_Goals = Annotated[
-    list[str] | None,
-    typer.Option("--goal", help="For a bag: a place of --map to drive to. May be repeated."),
-]
-_Start = Annotated[
-    str | None,
-    typer.Option(metavar="X,Y,YAW", help="For a bag: start on --map [m, rad] [default: unknown]."),
-]
-
-
-_OtherStack = Annotated[
-    str | None, typer.Option(help="Another stack, by name or file [default: the run's].")
-]
-_Overrides = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        autocompletion=complete_setting,
-        metavar="K=V",
-        help="Change one value, e.g. avoid.spare=0.1. May be repeated.",
-    ),
-]
-_Rules = Annotated[
-    list[Path] | None,
-    typer.Option(help="File of rules that replaces the one of its name. May be repeated."),
-]
-
-
-WhatChanged = tuple[list[str], str | None, list[Path]]
-"""Settings, another stack (None: the run's), and files of rules."""
-
-
-def replay(
-    folder: Annotated[
-        Path,
-        typer.Argument(
-            metavar="RUN_FOLDER|BAG", help="Folder of navfw run --record, or a bag of ROS."
-        ),
-    ],
-    robot: Robot = None,
-    map_name: Annotated[
-        str | None,
-        typer.Option("--map", help="For a bag: name or file of a map [default: the path driven]."),
-    ] = None,
-    goal: _Goals = None,
-    start: _Start = None,
-    stack: _OtherStack = None,
-    overrides: _Overrides = None,
-    rules: _Rules = None,
-    topic: Topic = None,
-    imu_axes: ImuAxes = None,
-    report: Annotated[
-        bool,
-        typer.Option("--report", help="With a changed stack: write its commands into the report."),
-    ] = False,
-    out: Annotated[
-        Path | None, typer.Option(help="For a bag: run folder [default: runs/BAG-replay].")
-    ] = None,
-    video: Video = None,
-    json: Json = False,
-    quiet: Quiet = False,
-) -> None:
-    """Run the stack on recorded readings. Exit with 1 if the commands differ.
-
-    With --set, --stack or --rules, print what a changed stack would have commanded. For a bag,
-    print what the stack would have commanded, and write a run folder.
-    """
-    if video is not None:
-        from navfw.recording.video_output import check_video
-
-        check_video(video, VIDEO)
-    if is_bag(folder):
-        if overrides or rules:
-            raise typer.BadParameter("is for a run folder", param_hint="--set, --rules")
-        source, on_map = (topic, imu_axes, robot), (map_name, goal, start)
-        target = replay_bag(folder, source, stack, on_map, out, json=json, quiet=quiet)
-        if video is not None:
-            write_video(target, video, quiet=json or quiet)
-        return
-    only = {"--robot": robot, "--map": map_name, "--goal": goal, "--start": start}
-    for option, value in {**only, "--topic": topic, "--imu-axes": imu_axes, "--out": out}.items():
-        if value:
-            raise typer.BadParameter("is for a bag", param_hint=option)
-    if overrides or rules or stack is not None:
-        _what_if(folder, (overrides or [], stack, rules or []), report=report, json=json)
-        return
-    if report:
-        raise typer.BadParameter("needs --set, --stack or --rules", param_hint="--report")
-    _replay_run(folder, video, json=json)
-
-
-def _what_if(folder: Path, change: WhatChanged, *, report: bool, json: bool) -> None:
-    """Print what a changed stack would have commanded; write it into the report as well."""
-    with quiet_stdout():
-        from navfw.recording.what_if import what_if, what_if_lines
-
-        changed, (overrides, stack, rules) = what_if(folder, *change), change
-        data, lines = changed.as_data(), what_if_lines(changed)
-        if report:
-            from navfw.report.run_page import ChangedRun, run_report
-
-            changes = ", ".join([*overrides, *map(str, rules), *filter(None, [stack])])
-            page = run_report(folder, chase_of(folder), ChangedRun(changes, changed))
-            write_text(folder / REPORT, page)
-            target = str(folder / REPORT)
-            data, lines = {**data, "report": target}, [*lines, f"report: {target}"]
-    print_result(data, lines, json=json)
-
-
-def _replay_run(folder: Path, video: Path | None, *, json: bool) -> None:
-    with quiet_stdout():
-        from navfw.recording.run_replay import replay as run_again
-
-        result = run_again(folder)
-        if video is not None:
-            write_video(folder, video, quiet=json)
-    data = {**asdict(result), "same": result.same}
-    ending = "" if result.complete else " (the recording ends before its run did)"
-    lines = [f"same commands in all {result.ticks} ticks{ending}"]
-    if not result.same:
-        first = result.first_difference
-        lines = [f"different commands from tick {first} of {result.ticks} on{ending}"]
-        lines.append(f"  recorded  {result.recorded_hash}")
-    print_result(data, [*lines, f"  commands  {result.command_hash}"], json=json)
-    raise typer.Exit(0 if result.same else 1)
 
 
 def write_video(folder: Path, target: Path, *, quiet: bool) -> None:
@@ -204,37 +69,25 @@ Variants = tuple[str | None, str | None]
 MAX_SHOWN = 25
 """Largest number of runs to print of each kind; ``--json`` has all."""
 
-_FailIfWorse = Annotated[
-    str | None,
-    typer.Option(metavar="SHARE", help="Two suites: exit with 1 if success fell by more, as 1%."),
-]
-
 
 def report(
-    folder: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="RUN|SUITE...",
-            help="Folder of a run or of a suite; or of two suites, which are compared.",
-        ),
-    ],
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="File to write [default: report.html in the folder; comparison.html in that of"
-            " the second suite].",
-        ),
-    ] = None,
-    variant_a: VariantA = None,
-    variant_b: VariantB = None,
-    fail_if_worse: _FailIfWorse = None,
-    text: Annotated[
-        bool,
-        typer.Option("--text", help="Compare two suites without a page."),
-    ] = False,
-    json: Annotated[
-        bool, typer.Option("--json", help="As --text, but print one JSON object with all runs.")
-    ] = False,
+    folder: list[Path] = argument(
+        ...,
+        "Folder of a run or of a suite; or of two suites, which are compared.",
+        metavar="RUN|SUITE...",
+    ),
+    out: Path | None = option(
+        None,
+        "File to write [default: report.html in the folder; comparison.html in that of the second"
+        " suite].",
+    ),
+    variant_a: str | None = option(None, "Use only this variant of A."),
+    variant_b: str | None = option(None, "Use only this variant of B."),
+    fail_if_worse: str | None = option(
+        None, "Two suites: exit with 1 if success fell by more, as 1%.", metavar="SHARE"
+    ),
+    text: bool = option(False, "Compare two suites without a page.", "--text"),
+    json: bool = option(False, "As --text, but print one JSON object with all runs.", "--json"),
     quiet: Quiet = False,
 ) -> None:
     """Write a report of a run or of a suite, or compare two suites.

@@ -10,7 +10,7 @@ import typer
 from typer.core import TyperCommand
 
 from navfw.cli import options
-from navfw.cli.options import completer_of
+from navfw.cli.options import option
 from navfw.cli.output import NOT_SAVED, print_result, quiet_stdout
 from navfw.cli.warm import compile_with_progress
 from navfw.errors import InputError
@@ -50,24 +50,6 @@ class _RosCommand(TyperCommand):
         return super().parse_args(ctx, args[:at])
 
 
-_MAP = typer.Option("--map", help="Name or file of a map.", autocompletion=completer_of("map"))
-_STACK = typer.Option(
-    help="Name or file of a stack [default: floor_plan with a floor plan, explore to teach, or"
-    " default].",
-    autocompletion=completer_of("stack"),
-)
-_GOAL = typer.Option(metavar="PLACE", help="Place, or X,Y [m]; repeatable. Ends at the last one.")
-_TOLERANCE = typer.Option(min=0.02, max=5.0, help="Distance at which a goal is reached [m].")
-_TEACH = typer.Option(
-    metavar="NAME",
-    help="Command nothing, and make the map maps/NAME.yaml, or of a .yaml file, while another node"
-    " steers.",
-)
-_POSE = typer.Option(metavar="X,Y,YAW", help="Pose in the map [m, m, rad].")
-_START = typer.Option(metavar="X,Y,YAW", help="Pose in the map [m, m, rad], or a place.")
-_FREE_START = typer.Option(
-    metavar="X,Y,YAW", help="Start without MISSION [m, m, rad] [default: that of the first one]."
-)
 _Lockstep = Annotated[
     bool, typer.Option("--lockstep", help="With a robot in lock step: bit for bit.")
 ]
@@ -82,12 +64,24 @@ _Force = Annotated[bool, typer.Option("--force", help="Replace an earlier map of
 def drive(
     ctx: typer.Context,
     robot: options.Robot = None,
-    map_: Annotated[str, _MAP] = _MAP_OF_NOTHING,
-    stack: Annotated[str | None, _STACK] = None,
-    start: Annotated[str | None, _START] = None,
-    goal: Annotated[list[str] | None, _GOAL] = None,
-    tolerance: Annotated[float, _TOLERANCE] = 0.3,
-    teach: Annotated[str | None, _TEACH] = None,
+    map_: str = option(_MAP_OF_NOTHING, "Name or file of a map.", "--map", kind="map"),
+    stack: str | None = option(
+        None,
+        "Name or file of a stack [default: floor_plan with a floor plan, explore to teach, or"
+        " default].",
+        kind="stack",
+    ),
+    start: str | None = option(None, "Pose in the map [m, m, rad], or a place.", metavar="X,Y,YAW"),
+    goal: list[str] | None = option(
+        None, "Place, or X,Y [m]; repeatable. Ends at the last one.", metavar="PLACE"
+    ),
+    tolerance: float = option(0.3, "Distance at which a goal is reached [m].", min=0.02, max=5.0),
+    teach: str | None = option(
+        None,
+        "Command nothing, and make the map maps/NAME.yaml, or of a .yaml file, while another node"
+        " steers.",
+        metavar="NAME",
+    ),
     force: _Force = False,
     lockstep: _Lockstep = False,
     namespace: _Namespace = None,
@@ -129,16 +123,12 @@ def explore(
     ctx: typer.Context,
     robot: options.Robot = None,
     stack: options.Stack = _EXPLORE,
-    start: Annotated[str, _POSE] = _ORIGIN,
-    out_map: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Map to write, as maps/NAME.yaml or a .yaml file."),
-    ] = None,
+    start: str = option(_ORIGIN, "Pose in the map [m, m, rad].", metavar="X,Y,YAW"),
+    out_map: str | None = option(
+        None, "Map to write, as maps/NAME.yaml or a .yaml file.", metavar="NAME"
+    ),
     force: _Force = False,
-    limit: Annotated[
-        float | None,
-        typer.Option(min=1.0, help="Time to be back at the start [s] [default: 600]."),
-    ] = None,
+    limit: float | None = option(None, "Time to be back at the start [s] [default: 600].", min=1.0),
     lockstep: _Lockstep = False,
     namespace: _Namespace = None,
     json: options.Json = False,
@@ -293,21 +283,19 @@ def sim(
     ctx: typer.Context,
     world: options.World,
     mission: options.Mission = "",
-    explore: Annotated[
-        bool, typer.Option("--explore", help="Instead of MISSION: the mission to explore.")
-    ] = False,
-    start: Annotated[str | None, _FREE_START] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of all noise.")] = 0,
+    explore: bool = option(False, "Instead of MISSION: the mission to explore.", "--explore"),
+    start: str | None = option(
+        None,
+        "Start without MISSION [m, m, rad] [default: that of the first one].",
+        metavar="X,Y,YAW",
+    ),
+    seed: int = option(0, "Seed of all noise.", min=0),
     robot: options.Robot = None,
-    pace: Annotated[
-        float,
-        typer.Option(min=0.0, max=100.0, help="Simulated over real time; 0: in lock step."),
-    ] = 1.0,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="K=V", help="Change one value of the mission, e.g. timeout."),
-    ] = None,
-    gui: Annotated[bool, typer.Option("--gui", help="Show a window.")] = False,
+    pace: float = option(1.0, "Simulated over real time; 0: in lock step.", min=0.0, max=100.0),
+    settings: list[str] | None = option(
+        None, "Change one value of the mission, e.g. timeout.", "--set", metavar="K=V"
+    ),
+    gui: bool = option(False, "Show a window.", "--gui"),
     namespace: _Namespace = None,
     json: options.Json = False,
 ) -> None:

@@ -8,12 +8,13 @@ import time
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import typer
 
 from navfw.cli import options
 from navfw.cli.live import live_server
+from navfw.cli.options import option
 from navfw.cli.output import NOT_SAVED, echo, print_assumed, quiet_stdout, show_result
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.cli.recordings import VIDEO, write_video
@@ -42,115 +43,76 @@ class RunOptions:
 
     world: options.World
     mission: options.Mission = ""
-    goal: Annotated[
-        str | None,
-        typer.Option(
-            metavar="PLACE|X,Y",
-            help="A place or point [m] to drive to from the start of the first mission, instead of"
-            " MISSION.",
-        ),
-    ] = None
-    map_: Annotated[
-        str | None,
-        typer.Option(
-            "--map",
-            metavar="NAME",
-            help="With --goal: name or file of another map, such as one of --explore [default: that"
-            " of the first mission].",
-            autocompletion=options.completer_of("map"),
-        ),
-    ] = None
-    explore: Annotated[
-        bool,
-        typer.Option(
-            "--explore",
-            help="Instead of MISSION: make a map of all that can be reached, from the start of the"
-            " first mission.",
-        ),
-    ] = False
-    out_map: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="For an exploration: map to write, as maps/NAME.yaml or a .yaml file.",
-        ),
-    ] = None
-    keep_map: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="Map to write: that of the mission, corrected by what was seen, as maps/NAME.yaml "
-            "or a .yaml file.",
-        ),
-    ] = None
-    force: Annotated[
-        bool, typer.Option("--force", help="Let --out-map and --keep-map replace an earlier map.")
-    ] = False
-    seed: Annotated[
-        int, typer.Option(min=0, help="Seed of all noise; the same one gives the same commands.")
-    ] = 0
-    stack: Annotated[
-        str | None,
-        typer.Option(
-            help="Name or file of a stack [default: that of the mission, or default].",
-            autocompletion=options.completer_of("stack"),
-        ),
-    ] = None
-    robot: options.Robot = None
-    xacro_arg: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME:=VALUE", help="For a xacro file as --robot: an argument. Repeatable."
-        ),
-    ] = None
-    set_: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            autocompletion=options.complete_setting,
-            metavar="K=V",
-            help="Change one value, e.g. avoid.spare=0.1, mission.timeout=60, robot.radius=0.2,"
-            " sensors.preset=poor. May be repeated.",
-        ),
-    ] = None
-    out: Annotated[
-        Path | None, typer.Option(help="Run folder [default: runs/WORLD-MISSION-SEED].")
-    ] = None
-    record: options.Record = False
-    live: Annotated[
-        bool,
-        typer.Option("--live", help="Serve the run as a page, only to this machine."),
-    ] = False
-    port: options.LivePort = 8765
-    origin: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--origin",
-            metavar="ORIGIN",
-            help="With --live: an origin whose pages may read, such as https://app.foxglove.dev, if"
-            " they have the address. May be repeated.",
-        ),
-    ] = None
-    speed: Annotated[
-        float | None,
-        typer.Option("--speed", help="With --live: top speed; 1 is real time [default: no limit]."),
-    ] = None
-    wait: Annotated[
-        bool, typer.Option("--wait", help="With --live: begin with the first viewer.")
-    ] = False
-    stay: Annotated[
-        bool, typer.Option("--stay", help="With --live: serve the end until Ctrl-C.")
-    ] = False
-    video: options.Video = None
-    limit: Annotated[
-        float,
-        typer.Option(
-            min=1.0, show_default=False, help="Wall-clock limit [s]. Beyond it the run is a fault."
-        ),
-    ] = math.inf
-    gui: Annotated[bool, typer.Option("--gui", help="Show a window that follows the robot.")] = (
-        False
+    goal: str | None = option(
+        None,
+        "A place or point [m] to drive to from the start of the first mission, instead of MISSION.",
+        metavar="PLACE|X,Y",
     )
+    map_: str | None = option(
+        None,
+        "With --goal: name or file of another map, such as one of --explore [default: that of the"
+        " first mission].",
+        "--map",
+        metavar="NAME",
+        kind="map",
+    )
+    explore: bool = option(
+        False,
+        "Instead of MISSION: make a map of all that can be reached, from the start of the first"
+        " mission.",
+        "--explore",
+    )
+    out_map: str | None = option(
+        None, "For an exploration: map to write, as maps/NAME.yaml or a .yaml file.", metavar="NAME"
+    )
+    keep_map: str | None = option(
+        None,
+        "Map to write: that of the mission, corrected by what was seen, as maps/NAME.yaml or a"
+        " .yaml file.",
+        metavar="NAME",
+    )
+    force: bool = option(False, "Let --out-map and --keep-map replace an earlier map.", "--force")
+    seed: int = option(0, "Seed of all noise; the same one gives the same commands.", min=0)
+    stack: str | None = option(
+        None,
+        "Name or file of a stack [default: that of the mission, or default].",
+        kind="stack",
+    )
+    robot: options.Robot = None
+    xacro_arg: list[str] | None = option(
+        None, "For a xacro file as --robot: an argument. Repeatable.", metavar="NAME:=VALUE"
+    )
+    set_: list[str] | None = option(
+        None,
+        "Change one value, e.g. avoid.spare=0.1, mission.timeout=60, robot.radius=0.2,"
+        " sensors.preset=poor. May be repeated.",
+        "--set",
+        autocompletion=options.complete_setting,
+        metavar="K=V",
+    )
+    out: Path | None = option(None, "Run folder [default: runs/WORLD-MISSION-SEED].")
+    record: bool = option(
+        False, "Record the run as MCAP, for replay, explain and viewers.", "--record"
+    )
+    live: bool = option(False, "Serve the run as a page, only to this machine.", "--live")
+    port: options.LivePort = 8765
+    origin: list[str] | None = option(
+        None,
+        "With --live: an origin whose pages may read, such as https://app.foxglove.dev, if they"
+        " have the address. May be repeated.",
+        "--origin",
+        metavar="ORIGIN",
+    )
+    speed: float | None = option(
+        None, "With --live: top speed; 1 is real time [default: no limit].", "--speed"
+    )
+    wait: bool = option(False, "With --live: begin with the first viewer.", "--wait")
+    stay: bool = option(False, "With --live: serve the end until Ctrl-C.", "--stay")
+    video: options.Video = None
+    limit: float = option(
+        math.inf, "Wall-clock limit [s]. Beyond it the run is a fault.", min=1.0, show_default=False
+    )
+    gui: bool = option(False, "Show a window that follows the robot.", "--gui")
     json: options.Json = False
     quiet: Quiet = False
 

@@ -5,14 +5,28 @@ from __future__ import annotations
 import csv
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
-from navfw.cli import options
-from navfw.cli.options import complete_setting, completer_of
+from navfw.cli.options import (
+    EngineName,
+    Json,
+    Limit,
+    Memory,
+    Robot,
+    Scheduler,
+    Suite,
+    Workers,
+    check_engine,
+    complete_setting,
+    from_options,
+    of_robot,
+    option,
+)
 from navfw.cli.output import echo, print_json, print_table, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.cli.warm import compile_with_progress
@@ -32,122 +46,92 @@ MAX_SHOWN = 25
 
 Keep = Literal["all", "failed", "none"]
 """The runs whose pictures, or recordings, are kept."""
-Seeds = Annotated[str, typer.Option(metavar="A:B", help="Seeds from A to B - 1.")]
-_SuiteOut = Annotated[
-    Path | None, typer.Option(help="Folder for the table [default: runs/SUITE-A-B].")
-]
-Stacks = Annotated[
-    list[str] | None,
-    typer.Option(
-        help="Name or file of a stack, instead of those of the suite. May be repeated.",
-        autocompletion=completer_of("stack"),
-    ),
-]
-Overrides = Annotated[
-    list[str] | None,
-    typer.Option(
+
+
+@dataclass(frozen=True, slots=True)
+class SuiteOptions:
+    """Arguments and options of ``navfw suite``."""
+
+    file: Suite
+    seeds: str = option(..., "Seeds from A to B - 1.", metavar="A:B")
+    workers: Workers = 1
+    out: Path | None = option(None, "Folder for the table [default: runs/SUITE-A-B].")
+    stack: list[str] | None = option(
+        None,
+        "Name or file of a stack, instead of those of the suite. May be repeated.",
+        kind="stack",
+    )
+    robot: Robot = None
+    set_: list[str] | None = option(
+        None,
+        "Change one value in all runs. May be repeated.",
         "--set",
         metavar="K=V",
-        help="Change one value in all runs. May be repeated.",
         autocompletion=complete_setting,
-    ),
-]
-Worlds = Annotated[
-    Path | None, typer.Option(help="Folder of worlds, instead of those of the suite.")
-]
-Variants = Annotated[
-    list[str] | None, typer.Option(help="Run only this variant of the suite. May be repeated.")
-]
-_KeepPictures = Annotated[Keep, typer.Option(help="Runs whose trajectory picture is kept.")]
-Recorded = Annotated[
-    Keep, typer.Option("--record", help="Runs whose recording is kept, for a report.")
-]
-"""Not with Dask: recordings stay where the run was driven."""
-_Extend = Annotated[
-    bool,
-    typer.Option("--extend", help="Continue a suite that was changed; keep runs still valid."),
-]
-Restart = Annotated[
-    bool, typer.Option("--restart", help="Begin again; earlier results go to OUT/before-N.")
-]
-
-_Power = Annotated[
-    str | None,
-    typer.Option(
+    )
+    worlds: Path | None = option(None, "Folder of worlds, instead of those of the suite.")
+    variant: list[str] | None = option(None, "Run only this variant of the suite. May be repeated.")
+    keep: Keep = option("failed", "Runs whose trajectory picture is kept.")
+    record: Keep = option("none", "Runs whose recording is kept, for a report.", "--record")
+    limit: Limit = 900.0
+    memory: Memory = 2000.0
+    engine: EngineName = "processes"
+    scheduler: Scheduler = None
+    resume: bool = option(False, "Continue the suite in --out.", "--resume")
+    extend: bool = option(
+        False, "Continue a suite that was changed; keep runs still valid.", "--extend"
+    )
+    restart: bool = option(False, "Begin again; earlier results go to OUT/before-N.", "--restart")
+    power: str | None = option(
+        None,
+        "Run nothing: how many seeds show this difference of success, given runs in --out.",
         metavar="PERCENT",
-        help="Run nothing: how many seeds show this difference of success, given runs in --out.",
-    ),
-]
+    )
+    json: Json = False
+    quiet: Quiet = False
 
 
-def suite(
-    file: options.Suite,
-    seeds: Seeds,
-    workers: options.Workers = 1,
-    out: _SuiteOut = None,
-    stack: Stacks = None,
-    robot: options.Robot = None,
-    set_: Overrides = None,
-    worlds: Worlds = None,
-    variant: Variants = None,
-    keep: _KeepPictures = "failed",
-    record: Recorded = "none",
-    limit: options.Limit = 900.0,
-    memory: options.Memory = 2000.0,
-    engine: options.EngineName = "processes",
-    scheduler: options.Scheduler = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Continue the suite in --out.")] = False,
-    extend: _Extend = False,
-    restart: Restart = False,
-    power: _Power = None,
-    json: options.Json = False,
-    quiet: Quiet = False,
-) -> None:
+@from_options
+def suite(options: SuiteOptions) -> None:
     """Run a suite with many seeds. Exit with 1 when runs have no result or plugins failed.
 
     Exit with 3 if the table could not be written; the runs are printed anyway.
     """
-    if power is not None:
-        _print_power(file, power, out, json=json)
+    if options.power is not None:
+        _print_power(options, options.power)
         return
-    _check_engine(engine, scheduler, record)
-    begin = _beginning(out, resume=resume, extend=extend, restart=restart)
+    if options.engine == "dask" and options.record != "none":
+        what = "is not for --engine dask; drive the run again alone: navfw run --record"
+        raise typer.BadParameter(what, param_hint="--record")
+    check_engine(options.engine, options.scheduler)
+    begin = _start_mode(options)
     with quiet_stdout():
         from navfw.recording.provenance import code_revision
         from navfw.suite.suite_folder import SuiteFolder
         from navfw.suite.suite_run import engine_for, run_suite
         from navfw.suite.suitefile import parse_seeds
 
-        span = parse_seeds(seeds)
-        changes = [*options.of_robot(robot), *(set_ or [])]
-        choice = {"stacks": stack or [], "overrides": changes, "variants": variant or []}
-        plan = _checked_plan(file, span, worlds, choice, quiet=quiet)
+        seeds = parse_seeds(options.seeds)
+        plan = _checked_plan(options, seeds)
+    engine = options.scheduler, options.workers, options.limit, options.memory
     with deferred():  # from here on there are runs to save and to print
         with (
             quiet_stdout(),
-            engine_for(plan.cases, scheduler, workers, limit, memory) as runner,
-            SuiteFolder.claim(out, plan, span) as folder,
+            engine_for(plan.cases, *engine) as runner,
+            SuiteFolder.claim(options.out, plan, seeds) as folder,
         ):
             have = folder.open(plan, code_revision(), begin=begin, tell=_print_note)
-            if scheduler is None:
+            if options.scheduler is None:
                 with interruptible():  # workers would wait for it in silence
-                    compile_with_progress(loaded=True, quiet=quiet)
-            with ProgressBar(plan.suite, "runs", quiet=quiet, moving=True) as bar:
-                count = _counted(bar, plan, have)
-                drive = partial(run_suite, keep=keep, record=record, have=have, on_row=count)
-                done = drive(plan, folder, runner)
-        _print_result(done, folder.table, json=json)
+                    compile_with_progress(loaded=True, quiet=options.quiet)
+            with ProgressBar(plan.suite, "runs", quiet=options.quiet, moving=True) as bar:
+                keep = partial(run_suite, keep=options.keep, record=options.record)
+                done = keep(plan, folder, runner, have=have, on_row=_counted(bar, plan, have))
+        _print_result(done, folder.table, json=options.json)
         raise typer.Exit(done.exit_code)
 
 
-def _check_engine(engine: options.EngineKind, scheduler: str | None, record: Keep) -> None:
-    if engine == "dask" and record != "none":
-        what = "is not for --engine dask; drive the run again alone: navfw run --record"
-        raise typer.BadParameter(what, param_hint="--record")
-    options.check_engine(engine, scheduler)
-
-
-def _print_power(file: str, text: str, out: Path | None, *, json: bool) -> None:
+def _print_power(options: SuiteOptions, text: str) -> None:
     """How many seeds a comparison of two stacks needs on a suite, for a difference of success."""
     try:
         difference = float(text.removesuffix("%")) / 100.0
@@ -161,7 +145,7 @@ def _print_power(file: str, text: str, out: Path | None, *, json: bool) -> None:
         from navfw.suite.suite_plan import case_templates
         from navfw.suite.suitefile import load_suite
 
-        loaded = load_suite(file)
+        loaded, out = load_suite(options.file), options.out
         rows = [] if out is None else SuiteFolder(out).rows()
         per_seed = sum(len(case_templates(loaded, n)) for n in range(len(loaded.spec.entries)))
     rate = sum(row.succeeded for row in rows) / len(rows) if rows else 0.9
@@ -172,7 +156,7 @@ def _print_power(file: str, text: str, out: Path | None, *, json: bool) -> None:
         for share, what in ((apart, "runs of a seed independent"), (0.5 * apart, "half of that"))
         if (pairs := mcnemar_pairs(difference, share))
     ]
-    if json:
+    if options.json:
         print_json({"success": rate, "runs": len(rows), "difference": difference, "needs": needed})
         return
     source = f"of {len(rows)} runs in {out}" if rows else "assumed; --out FOLDER takes that of runs"
@@ -188,28 +172,34 @@ def _print_note(text: str) -> None:
     echo(f"navfw: {text}", err=True)
 
 
-def _checked_plan(
-    file: str, seeds: range, worlds: Path | None, choice: dict[str, list[str]], *, quiet: bool
-) -> SuitePlan:
-    """Return the runs of a suite, checked; ``choice`` has stacks, overrides and variants."""
+def _checked_plan(options: SuiteOptions, seeds: range) -> SuitePlan:
+    """Return the runs of a suite, checked."""
     from navfw.plugins import default_registry
     from navfw.suite.suite_plan import plan_runs
     from navfw.suite.suitefile import load_suite
 
-    with ProgressBar("checking", "missions", quiet=quiet) as bar:
-        checked: Callable[..., SuitePlan] = partial(plan_runs, worlds=worlds, progress=bar.update)
-        plan = checked(load_suite(file), seeds, default_registry(), **choice)
+    with ProgressBar("checking", "missions", quiet=options.quiet) as bar:
+        plan = plan_runs(
+            load_suite(options.file),
+            seeds,
+            default_registry(),
+            stacks=options.stack or (),
+            overrides=[*of_robot(options.robot), *(options.set_ or ())],
+            variants=options.variant or (),
+            worlds=options.worlds,
+            progress=bar.update,
+        )
     for name, reason in plan.skipped.items():
         _print_note(f"variant {name} skipped: {reason}")
     return plan
 
 
-def _beginning(out: Path | None, *, resume: bool, extend: bool, restart: bool) -> StartMode:
-    options: dict[StartMode, bool] = {"resume": resume, "extend": extend, "restart": restart}
-    modes = [mode for mode, is_given in options.items() if is_given]
+def _start_mode(options: SuiteOptions) -> StartMode:
+    names: tuple[StartMode, ...] = ("resume", "extend", "restart")
+    modes = [name for name in names if getattr(options, name)]
     if len(modes) > 1:
         raise typer.BadParameter(f"cannot go with --{modes[1]}", param_hint=f"--{modes[0]}")
-    if modes and out is None:
+    if modes and options.out is None:
         what = f"needs --out, the folder to {modes[0]}"
         raise typer.BadParameter(what, param_hint=f"--{modes[0]}")
     return modes[0] if modes else "new"

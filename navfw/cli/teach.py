@@ -6,12 +6,10 @@ import re
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from navfw.assumption import Assumption
-from navfw.cli.options import ImuAxes, Json, Map, Topic, map_file, numbers_of
+from navfw.cli.options import ImuAxes, Json, Map, Topic, argument, map_file, numbers_of, option
 from navfw.cli.output import print_assumed, print_result, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.config.input_file import is_file, is_folder
@@ -33,38 +31,25 @@ _APART = (
 
 
 def teach(
-    recordings: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="RECORDING...",
-            help="Run folders of run --record, bags of ROS, or folders of images with gyro.csv and"
-            " wheels.csv.",
-        ),
-    ],
-    out: Annotated[
-        str, typer.Option(metavar="NAME", help="Map to write: a name in maps/, or a .yaml file.")
-    ],
-    name: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="T=PLACE", help="Name the place at T [s] of the first one. May be repeated."
-        ),
-    ] = None,
-    robot: Annotated[
-        str | None,
-        typer.Option(help="For bags and folders: name or file of the robot.", metavar="ROBOT"),
-    ] = None,
+    recordings: list[Path] = argument(
+        ...,
+        "Run folders of run --record, bags of ROS, or folders of images with gyro.csv and"
+        " wheels.csv.",
+        metavar="RECORDING...",
+    ),
+    out: str = option(..., "Map to write: a name in maps/, or a .yaml file.", metavar="NAME"),
+    name: list[str] | None = option(
+        None, "Name the place at T [s] of the first one. May be repeated.", metavar="T=PLACE"
+    ),
+    robot: str | None = option(
+        None, "For bags and folders: name or file of the robot.", metavar="ROBOT"
+    ),
     topic: Topic = None,
     imu_axes: ImuAxes = None,
-    situations: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", help="Write the table of what OFFIS saw at each kind of place."
-        ),
-    ] = None,
-    force: Annotated[
-        bool, typer.Option("--force", help="Replace an earlier map of that name.")
-    ] = False,
+    situations: Path | None = option(
+        None, "Write the table of what OFFIS saw at each kind of place.", metavar="FILE"
+    ),
+    force: bool = option(False, "Replace an earlier map of that name.", "--force"),
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -133,11 +118,10 @@ def _summary(made: Taught, files: list[Path], notes: list[str]) -> tuple[dict[st
 
 def name(
     map_: Map,
-    place: Annotated[
-        str,
-        typer.Argument(metavar="PLACE|X,Y", help="A place of the map, or a new one's point [m]."),
-    ],
-    new: Annotated[str, typer.Argument(metavar="NAME", help="Its name from now on.")],
+    place: str = argument(
+        ..., "A place of the map, or a new one's point [m].", metavar="PLACE|X,Y"
+    ),
+    new: str = argument(..., "Its name from now on.", metavar="NAME"),
     json: Json = False,
 ) -> None:
     """Name a place of a map, or a point of its floor plan, which gets edges to the nearest."""

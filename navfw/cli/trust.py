@@ -12,6 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
+from navfw.cli.options import argument, option
 from navfw.cli.output import echo
 from navfw.config import project_trust as trusted
 from navfw.config.input_file import real_path
@@ -25,11 +26,9 @@ TrustOnce = Annotated[
 
 
 def trust(
-    folder: Annotated[
-        Path | None, typer.Argument(metavar="DIR", help="Folder of a project.")
-    ] = None,
-    list_: Annotated[bool, typer.Option("--list", help="List the trusted projects.")] = False,
-    remove: Annotated[bool, typer.Option("--remove", help="Trust DIR no longer.")] = False,
+    folder: Path | None = argument(None, "Folder of a project.", metavar="DIR"),
+    list_: bool = option(False, "List the trusted projects.", "--list"),
+    remove: bool = option(False, "Trust DIR no longer.", "--remove"),
 ) -> None:
     """Trust the plugins of a project: they are executed from now on."""
     if list_ != (folder is None) or (list_ and remove):

@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from navfw.cli import options
+from navfw.cli.options import option
 from navfw.cli.output import echo, print_json, quiet_stdout
 from navfw.config.extras import require_extra
 from navfw.process.atomic import writing
@@ -19,57 +18,37 @@ if TYPE_CHECKING:
     from optuna.trial import FrozenTrial
 
 
-_Trials = Annotated[int, typer.Option(min=1, max=100_000, help="Total number of trials.")]
-Training = Annotated[str, typer.Option(metavar="A:B", help="Training seeds from A to B - 1.")]
-Validation = Annotated[
-    str, typer.Option(metavar="A:B", help="Validation seeds; none of them for training.")
-]
-Tuned = Annotated[
-    list[str] | None,
-    typer.Option(help="PLUGIN or PLUGIN.NAME to tune [default: all behaviours]. May be repeated."),
-]
-Rules = Annotated[
-    list[str] | None,
-    typer.Option(help="PLUGIN or PLUGIN.INPUT whose break points to tune. May be repeated."),
-]
-Variants = Annotated[
-    list[str] | None,
-    typer.Option("--variant", metavar="PATH=A|B", help="Values to choose from. May be repeated."),
-]
-Minutes = Annotated[float, typer.Option(min=0.1, help="Begin no trial after this time [min].")]
-Objective = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="NAME[=WEIGHT]",
-        help="success, spl, sct or clearance [default: success, spl]. May be repeated.",
-    ),
-]
-SearchSeed = Annotated[int, typer.Option(min=0, help="Seed of the search.")]
-StudyOut = Annotated[
-    Path | None, typer.Option(help="Folder of the study [default: runs/tune-SUITE].")
-]
-Resume = Annotated[bool, typer.Option("--resume", help="Go on with the study in --out.")]
-
-
 def tune(
     file: options.Suite,
     stack: options.Stack,
-    trials: _Trials,
-    seeds: Training = "0:8",
-    validate: Validation = "1000:1020",
-    param: Tuned = None,
-    rules: Rules = None,
-    variant: Variants = None,
-    minutes: Minutes = math.inf,
-    objective: Objective = None,
+    trials: int = option(..., "Total number of trials.", min=1, max=100_000),
+    seeds: str = option("0:8", "Training seeds from A to B - 1.", metavar="A:B"),
+    validate: str = option(
+        "1000:1020", "Validation seeds; none of them for training.", metavar="A:B"
+    ),
+    param: list[str] | None = option(
+        None, "PLUGIN or PLUGIN.NAME to tune [default: all behaviours]. May be repeated."
+    ),
+    rules: list[str] | None = option(
+        None, "PLUGIN or PLUGIN.INPUT whose break points to tune. May be repeated."
+    ),
+    variant: list[str] | None = option(
+        None, "Values to choose from. May be repeated.", "--variant", metavar="PATH=A|B"
+    ),
+    minutes: float = option(math.inf, "Begin no trial after this time [min].", min=0.1),
+    objective: list[str] | None = option(
+        None,
+        "success, spl, sct or clearance [default: success, spl]. May be repeated.",
+        metavar="NAME[=WEIGHT]",
+    ),
     workers: options.Workers = 1,
     limit: options.Limit = 900.0,
     memory: options.Memory = 2000.0,
     engine: options.EngineName = "processes",
     scheduler: options.Scheduler = None,
-    search_seed: SearchSeed = 0,
-    out: StudyOut = None,
-    resume: Resume = False,
+    search_seed: int = option(0, "Seed of the search.", min=0),
+    out: Path | None = option(None, "Folder of the study [default: runs/tune-SUITE]."),
+    resume: bool = option(False, "Go on with the study in --out.", "--resume"),
     json: options.Json = False,
 ) -> None:
     """Tune parameters and break points of rules on a suite.

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
 import typer
 
 from navfw.cli.import_world import import_
-from navfw.cli.options import Json, World, command_group, completer_of, numbers_of
+from navfw.cli.options import Json, World, argument, command_group, numbers_of, option
 from navfw.cli.output import print_result, quiet_stdout
 from navfw.config.lookup import find, list_missions
 from navfw.errors import WorldError, locating
@@ -28,20 +28,16 @@ def add_to(app: typer.Typer) -> None:
 
 
 def new(
-    family: Annotated[str, typer.Argument(help="Family: see navfw list plugins --kind family.")],
-    seed: Annotated[int, typer.Option(help="Seed; the same one gives the same world.")] = 0,
-    difficulty: Annotated[float, typer.Option(help="Difficulty from 0 (easy) to 1.")] = 0.5,
-    contrast: Annotated[
-        float | None,
-        typer.Option(help="Contrast of every surface [grey levels] [default: each its own]."),
-    ] = None,
-    look: Annotated[
-        Literal["plain", "photo"] | None,
-        typer.Option(help="Surfaces: painted walls with skirting; or like photographs."),
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder to write [default: generated/FAMILY-SEED].")
-    ] = None,
+    family: str = argument(..., "Family: see navfw list plugins --kind family."),
+    seed: int = option(0, "Seed; the same one gives the same world."),
+    difficulty: float = option(0.5, "Difficulty from 0 (easy) to 1."),
+    contrast: float | None = option(
+        None, "Contrast of every surface [grey levels] [default: each its own]."
+    ),
+    look: Literal["plain", "photo"] | None = option(
+        None, "Surfaces: painted walls with skirting; or like photographs."
+    ),
+    out: Path | None = option(None, "Folder to write [default: generated/FAMILY-SEED]."),
     json: Json = False,
 ) -> None:
     """Generate a world from a seed. Drive in it with navfw run FOLDER cross."""
@@ -76,21 +72,17 @@ def new(
 
 def show(
     world: World,
-    at: Annotated[
-        str | None,
-        typer.Option(metavar="X,Y,YAW", help="Draw what the camera sees there instead [m, rad]."),
-    ] = None,
-    robot: Annotated[
-        str,
-        typer.Option(
-            help="With --at: name or file of the robot with the camera.",
-            autocompletion=completer_of("robot"),
-        ),
-    ] = "default",
-    out: Annotated[
-        Path | None,
-        typer.Option(help="PNG file to write [default: WORLD-plan.png, or WORLD-camera.png]."),
-    ] = None,
+    at: str | None = option(
+        None, "Draw what the camera sees there instead [m, rad].", metavar="X,Y,YAW"
+    ),
+    robot: str = option(
+        "default",
+        "With --at: name or file of the robot with the camera.",
+        kind="robot",
+    ),
+    out: Path | None = option(
+        None, "PNG file to write [default: WORLD-plan.png, or WORLD-camera.png]."
+    ),
     json: Json = False,
 ) -> None:
     """Draw the floor plan of a world, or with --at what a robot's camera sees in it."""
