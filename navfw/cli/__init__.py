@@ -1,8 +1,8 @@
 """The ``navfw`` command: it parses arguments, calls the other packages and prints results.
 
-A command is the function of its name in a module of ``PANELS``; a group of commands is added by the
-function ``add_to(app)`` of its module. All modules are imported for every ``navfw --help``;
-expensive imports are therefore inside the commands.
+A command is the function of its name in a module of ``PANELS``, a group of commands the ``group``
+of its module. All modules are imported for every ``navfw --help``; expensive imports are therefore
+inside the commands.
 
 Exit codes: 0 success, 1 the command ran and failed, 2 an argument, option or file is wrong, 3 it
 ran, but its results could not be written completely, 130 interrupted by Ctrl-C or SIGTERM.
@@ -139,8 +139,8 @@ def _root(
 for _commands in PANELS.values():
     for _name, _module_name in _commands.items():
         _module = importlib.import_module(f"navfw.cli.{_module_name}")
-        if hasattr(_module, "add_to"):
-            _module.add_to(app)
+        if hasattr(_module, "group"):
+            app.add_typer(_module.group, name=_name)
         else:
             app.command()(getattr(_module, _name))
 accept_trust(app)

@@ -11,7 +11,7 @@ from navfw.cli.live import live_server, shown_live
 from navfw.cli.options import option
 from navfw.cli.output import echo, print_table, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
-from navfw.cli.run import LINE_PERIOD, show_tick
+from navfw.cli.run import show_tick
 from navfw.cli.warm import compile_with_progress
 from navfw.process.interruption import INTERRUPTED
 
@@ -50,7 +50,7 @@ def demo(
             else:
                 server.follow(*shown_live(session))
             echo(f"{number} of {len(DRIVES)}: {about} ({world} {mission})", err=True)
-            with ProgressBar(quiet=quiet, period=LINE_PERIOD) as bar:
+            with ProgressBar(quiet=quiet) as bar:
                 show = partial(show_tick, bar, session.mission.goals[-1], time.monotonic())
                 result = session.run(watcher_of(server.observe), show)
             server.tell_end(f"{result.outcome}: {result.reason}")

@@ -18,19 +18,10 @@ from navfw.process.printable_text import printable_data
 Row = dict[str, Any]
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command ``list`` to ``app``, with a command for each kind of file."""
-    group = typer.Typer(cls=SuggestingGroup)
-    group.callback(invoke_without_command=True)(kinds)
-    for kind in FILE_KINDS.values():
-        if kind.name == "mission":
-            group.command()(missions)
-        elif kind.plural:
-            group.command(kind.plural, help=f"List the {kind.plural}.")(_lister(kind))
-    group.command()(plugins)
-    app.add_typer(group, name="list")
+group = typer.Typer(cls=SuggestingGroup)
 
 
+@group.callback(invoke_without_command=True)
 def kinds(ctx: typer.Context, json: JsonList = False) -> None:
     """List worlds, missions and other files by name, and plugins.
 
@@ -66,6 +57,14 @@ def _lister(kind: FileKind) -> Callable[[bool], None]:
     return command
 
 
+for _kind in FILE_KINDS.values():
+    if _kind.name == "mission":
+        group.command()(missions)
+    elif _kind.plural:
+        group.command(_kind.plural, help=f"List the {_kind.plural}.")(_lister(_kind))
+
+
+@group.command()
 def plugins(
     kind: str | None = option(
         None, "List only this kind, with parameters: behavior, flow, ...", "--kind"

@@ -49,15 +49,6 @@ _OverWorld = Annotated[
 ]
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command ``map`` with its commands to ``app``."""
-    group = command_group("Show, check, compare, build, teach and convert maps; plan on them.")
-    commands = (show, check, diff, build, teach, name, plan, learn_landmarks, learn_situations)
-    for command in (*commands, convert, export):
-        group.command()(command)
-    app.add_typer(group, name="map")
-
-
 def show(
     map_: Map,
     world: _OverWorld = None,
@@ -392,3 +383,10 @@ def _outline_for(topo_map: TopoMap, world: str | None) -> WorldOutline | None:
 
     plan = _floor_plan(topo_map, world)
     return None if plan is None else outline_of(plan)
+
+
+group = command_group("Show, check, compare, build, teach and convert maps; plan on them.")
+for _command in (show, check, diff, build, teach, name, plan, learn_landmarks, learn_situations):
+    group.command()(_command)
+for _command in (convert, export):
+    group.command()(_command)

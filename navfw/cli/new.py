@@ -19,15 +19,10 @@ _Name = Annotated[
 _STARTS = PARTS["behavior"].starts
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command ``new`` with its commands to ``app``."""
-    group = command_group("Begin a project, or a part of one.")
-    group.command()(project)
-    for kind, part in PARTS.items():
-        group.command(kind, help=f"{part.help} They go into the current project.")(_writer(kind))
-    app.add_typer(group, name="new")
+group = command_group("Begin a project, or a part of one.")
 
 
+@group.command()
 def project(
     folder: Path = argument(..., "Folder to write; new, or empty.", metavar="DIR"),
 ) -> None:
@@ -64,3 +59,8 @@ def _writer(kind: str) -> Callable[..., None]:
         write(name, PARTS[kind].starts[0])
 
     return write if kind == "behavior" else write_only
+
+
+for _kind, _part in PARTS.items():
+    _help = f"{_part.help} They go into the current project."
+    group.command(_kind, help=_help)(_writer(_kind))

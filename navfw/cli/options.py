@@ -34,33 +34,26 @@ from navfw.process.atomic import output_file
 
 OptionsT = TypeVar("OptionsT")
 Names = Callable[[typer.Context], Iterable[str]]
-_Completer = Callable[[typer.Context, str], list[str]]
 
 _PARTS_OF_MISSION = ("mission.", "robot.", "sensors.")
 """Prefixes of ``--set`` besides the names of behaviours."""
 
 
-def _completer(names: Names) -> _Completer:
-    @wraps(names)
-    def complete(ctx: typer.Context, incomplete: str) -> list[str]:
+def _completer(names: Names) -> Callable[[typer.Context], list[str]]:
+    """Make a function that gives typer all ``names``, of which it takes those that fit."""
+
+    def complete(ctx: typer.Context) -> list[str]:
         try:
-            return [name for name in names(ctx) if name.startswith(incomplete)]
+            return list(names(ctx))
         except (InputError, OSError):
             return []
 
-    # the shell's own parameters, not those of ``names``
-    complete.__annotations__ = {"ctx": typer.Context, "incomplete": str, "return": list[str]}
-    del complete.__wrapped__
     return complete
 
 
-def completer_of(kind: str) -> _Completer:
+def completer_of(kind: str) -> Callable[[typer.Context], list[str]]:
     """Make a function that completes the names of files of a kind of ``FILE_KINDS``."""
-
-    def names(_: typer.Context) -> Iterable[str]:
-        return (file.name for file in list_files(kind))
-
-    return _completer(names)
+    return _completer(lambda _: (file.name for file in list_files(kind)))
 
 
 @_completer

@@ -38,7 +38,7 @@ class ProgressBar(contextlib.ExitStack):
     ``work`` names the work, ``unit`` what ``update`` counts. Rate and time left are means since the
     first update; no time left is shown before something is done. If stdout is the same terminal,
     what is printed there meanwhile appears above the bar. Without a terminal, a line is printed
-    every ``period`` [s]. With ``quiet`` nothing is shown.
+    every 10 s. With ``quiet`` nothing is shown.
 
     A ``moving`` bar also shows the elapsed time between updates, drawn by a thread. It is for work
     of other processes, which the drawing does not disturb.
@@ -51,14 +51,12 @@ class ProgressBar(contextlib.ExitStack):
         *,
         quiet: bool = False,
         moving: bool = False,
-        period: float | None = None,
     ) -> None:
         super().__init__()
         self._work = work
         self._unit = unit
         self._quiet = quiet
         self._moving = moving
-        self._period = LINE_PERIOD if period is None else period
         self._part = ""
         self._count: _Count | None = None
         self._next_line = 0.0
@@ -108,10 +106,6 @@ class ProgressBar(contextlib.ExitStack):
             return LINE_WIDTH
         return shutil.get_terminal_size().columns
 
-    def note(self, text: str) -> None:
-        """Print a line that is not overwritten."""
-        echo(text, err=True)
-
     def _show(self, clock: float, line: str, shown: dict[str, Any], *, last: bool) -> None:
         """Show on a terminal the fields ``shown``, elsewhere the ``line``, unless too soon."""
         # a terminal that cannot move its cursor gets lines, as a file does
@@ -124,7 +118,7 @@ class ProgressBar(contextlib.ExitStack):
                 self._next_picture = clock + REFRESH_PERIOD
                 self._bar.refresh()
         elif clock >= self._next_line or last:
-            self._next_line = clock + self._period
+            self._next_line = clock + LINE_PERIOD
             echo(line, err=True)
 
     def _start(self, *, counting: bool) -> None:

@@ -19,6 +19,8 @@ from navfw.recording.run_folder import plain_json
 
 if TYPE_CHECKING:
     from navfw.missions.session import Session
+    from navfw.plugins import Registry
+    from navfw.robot import RobotModel
     from navfw.ros import DriveOptions, RosNode
     from navfw.signals import Waypoint
     from navfw.stack import Stack
@@ -34,11 +36,6 @@ _SHARED = "/tf", "/tf_static", "/clock", "/diagnostics", "/ground_truth/odom"
 """Topics that several robots would share; in a namespace each has its own."""
 
 group = options.command_group("Drive a robot of ROS 2, or be one.")
-
-
-def add_to(app: typer.Typer) -> None:
-    """Add the commands ``navfw ros ...`` to the command line."""
-    app.add_typer(group, name="ros")
 
 
 class _RosCommand(TyperCommand):
@@ -93,17 +90,14 @@ def drive(
     --ros-args come remappings and parameters. Exit with 0 if the goal was reached.
     """
     with quiet_stdout():
-        from navfw.plugins import default_registry
-        from navfw.robot.robotfile import load_robot
         from navfw.stack import MappingStack, Stack
-        from navfw.topomap import load_map
 
-        model, file = load_robot(robot or "default"), None
-        topo_map = load_map(map_)
+        parts, file = _parts(robot, map_), None
+        _, topo_map, _ = parts
         if teach is None:
             unnamed = "default" if topo_map.floor_plan is None else "floor_plan"
             wanted = _options(topo_map, start, goal or [], tolerance, lockstep=lockstep)
-            made = Stack.load(stack or unnamed, model, topo_map, default_registry())
+            made = Stack.load(stack or unnamed, *parts)
             about = f"{robot or 'default'} on the map {map_} by {stack or unnamed}"
         elif goal or map_ != _MAP_OF_NOTHING:
             what = "needs no map and drives to no goal: leave out --map and --goal"
@@ -111,7 +105,7 @@ def drive(
         else:
             file = options.map_file(teach, "--teach", force)
             wanted = _options(topo_map, start or _ORIGIN, [], tolerance, lockstep=lockstep)
-            made = MappingStack.load(stack or _EXPLORE, model, topo_map, default_registry())
+            made = MappingStack.load(stack or _EXPLORE, *parts)
             about = f"another node steers {robot or 'default'}; the map is {file}"
     _drive(
         ctx, made, wanted, about, maps=teach is not None, file=file, namespace=namespace, json=json
@@ -138,27 +132,16 @@ def explore(
     Ctrl-C ends it as well. Exit with 0 if the robot has returned; 3: the map was not saved.
     """
     with quiet_stdout():
-        from navfw.plugins import default_registry
-        from navfw.robot.robotfile import load_robot
         from navfw.stack import Stack
-        from navfw.topomap import load_map
 
         file = None if out_map is None else options.map_file(out_map, "--out-map", force)
-        nothing, model = load_map(_MAP_OF_NOTHING), load_robot(robot or "default")
+        parts = _parts(robot)
         home = ",".join(start.split(",")[:2])
-        wanted = _options(nothing, start, [home], _AT_HOME, lockstep=lockstep)
+        wanted = _options(parts[1], start, [home], _AT_HOME, lockstep=lockstep)
         limits = [] if limit is None else [f"explorer.limit={limit!r}"]
-        made = Stack.load(stack, model, nothing, default_registry(), limits)
-    _drive(
-        ctx,
-        made,
-        wanted,
-        f"{robot or 'default'} explores",
-        maps=True,
-        file=file,
-        namespace=namespace,
-        json=json,
-    )
+        made = Stack.load(stack, *parts, limits)
+        about = f"{robot or 'default'} explores"
+    _drive(ctx, made, wanted, about, maps=True, file=file, namespace=namespace, json=json)
 
 
 @group.command(cls=_RosCommand)
@@ -175,16 +158,24 @@ def sense(
     remappings and parameters.
     """
     with quiet_stdout():
-        from navfw.plugins import default_registry
-        from navfw.robot.robotfile import load_robot
         from navfw.stack.sensing_stack import SensingStack
-        from navfw.topomap import load_map
 
-        nothing, model = load_map(_MAP_OF_NOTHING), load_robot(robot or "default")
-        wanted = _options(nothing, None, [], _AT_HOME, lockstep=False)
-        made = SensingStack.load(stack, model, nothing, default_registry())
+        parts = _parts(robot)
+        wanted = _options(parts[1], None, [], _AT_HOME, lockstep=False)
+        made = SensingStack.load(stack, *parts)
     about = f"senses for other nodes with {robot or 'default'}: see navfw/scan, navfw/obstacles"
     _drive(ctx, made, wanted, about, senses=True, namespace=namespace, json=json)
+
+
+def _parts(
+    robot: str | None, map_name: str = _MAP_OF_NOTHING
+) -> tuple[RobotModel, TopoMap, Registry]:
+    """Load what each stack is made of."""
+    from navfw.plugins import default_registry
+    from navfw.robot.robotfile import load_robot
+    from navfw.topomap import load_map
+
+    return load_robot(robot or "default"), load_map(map_name), default_registry()
 
 
 def _drive(
@@ -236,12 +227,9 @@ def _drive(
 
 def _arguments(ctx: typer.Context, namespace: str | None) -> list[str]:
     """Return the words after ``--ros-args``, and those that put all topics into ``namespace``."""
-    rules = [] if namespace is None else [f"__ns:=/{namespace.strip('/')}", *map(_own, _SHARED)]
+    shared = [f"{topic}:={topic[1:]}" for topic in _SHARED]
+    rules = [] if namespace is None else [f"__ns:=/{namespace.strip('/')}", *shared]
     return [*ctx.meta[_ROS_ARGS], *(word for rule in rules for word in ("-r", rule))]
-
-
-def _own(topic: str) -> str:
-    return f"{topic}:={topic[1:]}"
 
 
 def _load_kernels(*, quiet: bool) -> None:
@@ -289,7 +277,7 @@ def sim(
         "Start without MISSION [m, m, rad] [default: that of the first one].",
         metavar="X,Y,YAW",
     ),
-    seed: int = option(0, "Seed of all noise.", min=0),
+    seed: options.NoiseSeed = 0,
     robot: options.Robot = None,
     pace: float = option(1.0, "Simulated over real time; 0: in lock step.", min=0.0, max=100.0),
     settings: list[str] | None = option(

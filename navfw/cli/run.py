@@ -30,11 +30,7 @@ if TYPE_CHECKING:
     from navfw.missions.missionfile import Destination
     from navfw.missions.pilot import TickView
     from navfw.missions.session import MissionResult, Session
-    from navfw.recording.live_server import LiveServer
     from navfw.signals import Waypoint
-
-LINE_PERIOD = 5.0
-"""Interval between progress lines if stderr is not a terminal [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,7 +186,10 @@ def _drive(request: RunOptions) -> tuple[MissionResult, Path | None, tuple[str, 
         if not request.quiet:
             _print_notes(session)
         compile_with_progress(loaded=True, quiet=request.quiet)
-        server = _live(session, request) if request.live else None
+        server = None
+        if request.live:
+            shown = request.port, tuple(request.origin or ())
+            server = live_server(session, *shown, speed=request.speed, wait=request.wait)
     target = RunFolder(request.out or default_folder(session), numbered=request.out is None)
     result = None
     try:
@@ -198,7 +197,7 @@ def _drive(request: RunOptions) -> tuple[MissionResult, Path | None, tuple[str, 
             kept = request.record or request.video is not None
             recorded = RecordedFolder(session, target) if kept else None
             _announce(session, target, request)
-            bar = ProgressBar(quiet=request.quiet, period=LINE_PERIOD)
+            bar = ProgressBar(quiet=request.quiet)
             show = partial(show_tick, bar, session.mission.goals[-1], time.monotonic())
             with bar, ended_after(request.limit + PATIENCE):
                 result = session.run(
@@ -298,11 +297,6 @@ def _write_video(request: RunOptions, folder: Path | None) -> tuple[str, ...]:
     except InputError as error:
         return (f"the video is missing: {error}",)
     return ()
-
-
-def _live(session: Session, request: RunOptions) -> LiveServer:
-    origins, port = tuple(request.origin or ()), request.port
-    return live_server(session, port, origins, speed=request.speed, wait=request.wait)
 
 
 def _line(tick: TickView, goal: Waypoint, speed: float, width: int) -> str:

@@ -25,7 +25,7 @@ def compile_with_progress(*, loaded: bool = False, quiet: bool = False) -> int:
         def show(state: Compiled) -> None:
             nonlocal notice
             if notice and not quiet:
-                bar.note(notice)
+                echo(notice, err=True)
                 notice = ""
             bar.show_share(state.share, str(state))
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-import typer
-
 from navfw.cli.import_world import import_
 from navfw.cli.options import Json, World, argument, command_group, numbers_of, option
 from navfw.cli.output import print_result, quiet_stdout
@@ -18,15 +16,10 @@ if TYPE_CHECKING:
     from navfw.sim.worldspec import WorldSpec
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command ``world`` with its commands to ``app``."""
-    group = command_group("Generate, import and show worlds.")
-    group.command()(new)
-    group.command("import")(import_)
-    group.command()(show)
-    app.add_typer(group, name="world")
+group = command_group("Generate, import and show worlds.")
 
 
+@group.command()
 def new(
     family: str = argument(..., "Family: see navfw list plugins --kind family."),
     seed: int = option(0, "Seed; the same one gives the same world."),
@@ -70,6 +63,10 @@ def new(
     print_result(data, (f"{folder}: {world.description}", way), json=json)
 
 
+group.command("import")(import_)
+
+
+@group.command()
 def show(
     world: World,
     at: str | None = option(

@@ -17,7 +17,8 @@ from navfw.recording import channel_list as topics
 from navfw.recording import palette
 from navfw.recording.recorded_run import RecordedMessage, RecordedRun, image_of, located_damage
 from navfw.report.report_page import reduced_source
-from navfw.report.run_timeline import RunEvent, newest_pose, planar_pose
+from navfw.report.run_story import StoryLine
+from navfw.report.run_timeline import newest_pose, planar_pose
 from navfw.signals import Pose
 
 _MAX_MOMENTS = 240
@@ -76,7 +77,7 @@ class Rating:
 
 
 def read_moments(
-    run: RecordedRun, events: Iterable[RunEvent] = (), limit: int = _MAX_MOMENTS
+    run: RecordedRun, events: Iterable[StoryLine] = (), limit: int = _MAX_MOMENTS
 ) -> list[dict[str, Any]]:
     """Read at most ``limit`` moments of ``run``, evenly spaced in its images, and one per event.
 

@@ -186,14 +186,14 @@ def _recorded(
     timeline = run_timeline.read_timeline(run, radius)
     named = {name: (x, y) for name, x, y in places}
     story = read_story(run, result, named, lines=run_timeline.MAX_EVENTS)
-    events = run_timeline.run_events(timeline, result, story) if len(timeline.time) else []
+    events = run_timeline.run_events(timeline, story) if len(timeline.time) else []
     moments = read_moments(run, events)
     if not moments and isinstance(result.get("notes"), list):
         return {}  # of a bag without images
     if not moments:
         raise ConfigError("has no camera images; record the run again", file=run.path)
     ruled = next((moment["time"] for moment in moments if moment["rules"]), 0.0)
-    first = min(events, key=lambda event: event.rank).time if events else ruled
+    first = min(events, key=run_timeline.event_rank).time if events else ruled
     data: dict[str, Any] = {"events": [asdict(event) for event in events], "first": first}
     with located_damage(run.path, "the configuration in its result"):
         data |= _moments_data(moments, result["config"].get("stack", {}))

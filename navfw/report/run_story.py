@@ -66,12 +66,16 @@ _GIVES_WAY, _ASIDE = ("give_way",), ("avoid",)
 
 @dataclass(frozen=True, slots=True)
 class StoryLine:
-    """A sentence on what happened from ``time`` to ``until`` [s], with the ``kind`` of episode."""
+    """A sentence on what happened from ``time`` to ``until`` [s], with the ``kind`` of episode.
+
+    ``point`` is x, y [m] of a contact.
+    """
 
     time: float
     until: float
     kind: str
     text: str
+    point: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -350,10 +354,9 @@ def _frame(
 def _of_result(result: Mapping[str, Any]) -> Iterator[StoryLine]:
     """Contacts, the mission's events, and changes of the building."""
     for contact in result.get("contacts", ()):
-        at = f"({contact['x']:.1f}, {contact['y']:.1f})"
-        yield StoryLine(
-            contact["time"], contact["time"], "contact", f"{at}: touched {contact['body']}"
-        )
+        time, x, y = (float(contact[name]) for name in ("time", "x", "y"))
+        text = f"({x:.1f}, {y:.1f}): touched {contact['body']}"
+        yield StoryLine(time, time, "contact", text, (x, y))
     for event in result.get("events", ()):
         what = ", ".join(f"{key} {_plain(value)}" for key, value in event["event"].items())
         ended = event.get("ended_s") or event["began_s"]

@@ -112,46 +112,19 @@ _KINDS = ("contact", "clearance", "event", *EPISODES)
 """Kinds of events; a report opens at an event of the first of these that occurred."""
 
 
-@dataclass(frozen=True, slots=True)
-class RunEvent:
-    """An event at ``time`` [s], of one of ``_KINDS``, in words; ``point`` is x, y [m] or None."""
-
-    time: float
-    kind: str
-    text: str
-    point: tuple[float, float] | None = None
-
-    @property
-    def rank(self) -> tuple[int, float]:
-        """A sort key: the most important kinds first, then by time."""
-        return _KINDS.index(self.kind), self.time
+def event_rank(event: StoryLine) -> tuple[int, float]:
+    """A sort key of events: the most important kinds first, then by time."""
+    return _KINDS.index(event.kind), event.time
 
 
-def run_events(
-    timeline: RunTimeline, result: Mapping[str, Any], story: Sequence[StoryLine] = ()
-) -> list[RunEvent]:
-    """Contacts, smallest clearance, mission events, and the ``story``'s episodes, in order of time.
-
-    Raises:
-        ConfigError: contacts or events of the ``result`` are damaged.
-
-    """
-    events = []
-    with located_damage(Path(RESULT), "its list of contacts or events"):
-        for c in result.get("contacts", ()):
-            at = (c["x"], c["y"])
-            events.append(RunEvent(float(c["time"]), "contact", f"contact with {c['body']}", at))
-        for event in result.get("events", ()):
-            what = " ".join(f"{key} {value}" for key, value in event["event"].items())
-            events.append(RunEvent(float(event["began_s"]), "event", f"event: {what}"))
+def run_events(timeline: RunTimeline, story: Sequence[StoryLine]) -> list[StoryLine]:
+    """Select contacts, mission events and episodes of a ``story``; add the smallest clearance."""
+    events = [line for line in story if line.kind in _KINDS]
     if not np.isnan(timeline.clearance).all():
         least = int(np.nanargmin(timeline.clearance))
-        text = f"least clearance, {timeline.clearance[least]:.2f} m"
-        events.append(RunEvent(float(timeline.time[least]), "clearance", text))
-    for line in story:
-        if line.kind in EPISODES:
-            events.append(RunEvent(line.time, line.kind, line.text))
-    events = sorted(events, key=lambda event: event.rank)[:MAX_EVENTS]
+        time, text = float(timeline.time[least]), f"{timeline.clearance[least]:.2f} m"
+        events.append(StoryLine(time, time, "clearance", f"least clearance, {text}"))
+    events = sorted(events, key=event_rank)[:MAX_EVENTS]
     return sorted(events, key=lambda event: event.time)
 
 

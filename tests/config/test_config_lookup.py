@@ -206,7 +206,7 @@ def test_a_further_kind_is_found_completed_checked_and_described(notes: Path) ->
     assert lookup.find("note", "a") == notes / "notes/a.yaml"
     with pytest.raises(UnknownNameError, match="unknown note 'b': known: a"):
         lookup.find("note", "b")
-    assert completer_of("note")(None, "") == ["a"]  # type: ignore[arg-type]
+    assert completer_of("note")(None) == ["a"]  # type: ignore[arg-type]
     checked = json.loads(invoke("check", "--json", "b.yaml", ".").stdout)
     assert [(row["kind"], row["error"]) for row in checked] == [
         ("note", "b.yaml:1: text: expected text, got 1; quote it to make it text"),
