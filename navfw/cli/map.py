@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -35,10 +34,10 @@ from navfw.cli.teach import name, teach
 from navfw.config.input_file import is_file
 from navfw.config.lookup import find, list_files
 from navfw.process.atomic import output_file, write_text
+from navfw.process.result_table import Column, ResultTable
 from navfw.recording.run_folder import plain_json
 
 if TYPE_CHECKING:
-    from navfw.assumption import Assumption
     from navfw.recording.top_view import WorldOutline
     from navfw.sim.scene_geometry import SceneGeometry
     from navfw.topomap import TopoMap
@@ -83,7 +82,7 @@ def show(
         f"{topo_map.name}: {summary['places']} places ({counted}), {summary['edges']} edges",
         f"picture {path}" + ("" if outline is not None else ", without a floor plan"),
     )
-    _print_result(topo_map.all_assumed, summary, lines, json=json)
+    print_result(summary, lines, json=json, assumed=topo_map.all_assumed)
 
 
 def check(
@@ -141,7 +140,7 @@ def diff(
     lines += [] if out is None else [f"picture {out}"]
     rows = [asdict(change) for change in changes]
     assumed = (*old.all_assumed, *new.all_assumed)
-    _print_result(assumed, plain_json({**data, "changes": rows}), lines, json=json)
+    print_result(plain_json({**data, "changes": rows}), lines, json=json, assumed=assumed)
 
 
 def build(
@@ -189,15 +188,7 @@ def _print_written(topo_map: TopoMap, file: Path, *more: str, json: bool) -> Non
     places, edges = len(topo_map.places), len(topo_map.passages)
     data = {"map": topo_map.name, "places": places, "edges": edges, "file": str(file)}
     lines = (f"{file}: {places} places, {edges} edges", *more)
-    _print_result(topo_map.all_assumed, data, lines, json=json)
-
-
-def _print_result(
-    assumed: Sequence[Assumption], data: Mapping[str, Any], lines: Iterable[str], *, json: bool
-) -> None:
-    """Print a result with what the readers of the maps assumed."""
-    print_assumed(assumed)
-    print_result({**data, "assumed": [one.as_data() for one in assumed]}, lines, json=json)
+    print_result(data, lines, json=json, assumed=topo_map.all_assumed)
 
 
 def export(
@@ -309,20 +300,16 @@ def learn_landmarks(
     if json:
         print_json(result)
         return
-    cells = [
-        (
-            row["identity"],
-            f"{row['x']:.2f}",
-            f"{row['y']:.2f}",
-            str(row["observations"]),
-            f"{row['sigma_m']:.2f}",
-            "" if row["error_m"] is None else f"{row['error_m']:.2f}",
-        )
-        for row in result["landmarks"]
-    ]
-    print_table(
-        ["landmark", "x", "y", "observations", "sigma [m]", "error [m]"], cells, "no landmarks"
+    columns = (
+        Column("landmark", "identity"),
+        Column("x", "x", ".2f"),
+        Column("y", "y", ".2f"),
+        Column("observations", "observations"),
+        Column("sigma [m]", "sigma_m", ".2f"),
+        Column("error [m]", "error_m", ".2f", missing=""),
     )
+    table = ResultTable("", columns, result["landmarks"])
+    print_table(table.head, table.rows, "no landmarks")
     echo(f"{result['reason']}; {path}: {result['learnt']} landmarks learnt")
 
 

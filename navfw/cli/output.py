@@ -95,8 +95,20 @@ def print_json(data: Mapping[str, Any] | Sequence[Mapping[str, Any]]) -> None:
     typer.echo(json.dumps(data, indent=2, allow_nan=False))
 
 
-def print_result(data: Mapping[str, Any], lines: Iterable[str], *, json: bool) -> None:
-    """Print ``data`` as one JSON object with ``json``, otherwise the ``lines``."""
+def print_result(
+    data: Mapping[str, Any],
+    lines: Iterable[str],
+    *,
+    json: bool,
+    assumed: Sequence[Assumption] | None = None,
+) -> None:
+    """Print ``data`` as one JSON object with ``json``, otherwise the ``lines``.
+
+    What was ``assumed``, if that can be, is printed before, and is in the object.
+    """
+    if assumed is not None:
+        print_assumed(assumed)
+        data = {**data, "assumed": [one.as_data() for one in assumed]}
     if json:
         print_json(data)
     else:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from navfw.assumption import Assumption
 from navfw.cli.options import ImuAxes, Json, Map, Topic, argument, map_file, numbers_of, option
-from navfw.cli.output import print_assumed, print_result, quiet_stdout
+from navfw.cli.output import print_result, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.config.input_file import is_file, is_folder
 from navfw.config.lookup import find
@@ -74,9 +74,7 @@ def teach(
             origin = f"navfw map teach --out {out}: {len(recordings)} recordings"
             write_text(situations, made.maps[0].situations.text(origin), parents=True)
     data, lines = _summary(made, files, notes)
-    print_assumed(assumed)
-    data["assumed"] = [one.as_data() for one in assumed]
-    print_result(data, lines, json=json)
+    print_result(data, lines, json=json, assumed=assumed)
 
 
 def _summary(made: Taught, files: list[Path], notes: list[str]) -> tuple[dict[str, Any], list[str]]:

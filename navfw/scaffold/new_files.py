@@ -1,4 +1,4 @@
-"""Writes a new project, or a new part of the current one: all of its files, or none.
+"""Writes a new project, or a new part of the current one; replaces no file.
 
 Files of ``navfw/scaffold/templates/project`` are copied. Their ending ``.template`` is removed: it
 keeps tools that look for Python files and for ``.gitignore`` from using the templates themselves.
@@ -14,7 +14,6 @@ import re
 import shlex
 import sys
 from collections.abc import Mapping
-from contextlib import suppress
 from importlib.metadata import distribution
 from pathlib import Path
 from typing import Any
@@ -157,7 +156,12 @@ def write_part(kind: str, name: str, start: str = "") -> tuple[list[str], str]:
         fields |= {"model": str(model.path), "model_name": model.name}
     files = {file.format(**fields): t.format(**fields) for file, t in part.files.items()}
     words = {word: by.format(**fields) for word, by in part.words.items()}
-    _write(project, {name: _rendered(template, words) for name, template in files.items()})
+    targets = {project / file: template for file, template in files.items()}
+    for target in targets:
+        if target.exists():
+            raise ConfigError("exists, and is not replaced", file=shown_path(target))
+    for target, template in targets.items():
+        write_text(target, _rendered(template, words), parents=True)
     return sorted(files), part.then.format(**fields)
 
 
@@ -192,24 +196,3 @@ def _rendered(template: str, words: Mapping[str, str]) -> str:
     for word, by in words.items():
         text = re.sub(word, by.replace("\\", r"\\"), text)
     return text
-
-
-def _write(project: Path, texts: Mapping[str, str]) -> None:
-    """Write each of ``texts`` by its name in ``project``: all, or none."""
-    files = {project / name: text for name, text in texts.items()}
-    for file in files:
-        if file.exists():
-            raise ConfigError("exists, and is not replaced", file=shown_path(file))
-    above = {folder for file in files for folder in file.parents if not folder.exists()}
-    written: list[Path] = []
-    try:
-        for file, text in files.items():
-            write_text(file, text, parents=True)
-            written.append(file)
-    except BaseException:
-        for file in written:
-            file.unlink(missing_ok=True)
-        for folder in sorted(above, reverse=True):
-            with suppress(OSError):
-                folder.rmdir()
-        raise

@@ -12,6 +12,7 @@ import numpy as np
 from navfw import Behavior, Context, Proposal
 
 COUNT = itertools.count()
+print('imported')
 NAMES = {f"name {number}" for number in range(40)}
 
 class Own(Behavior):
@@ -67,12 +68,3 @@ def test_every_source_of_chance_is_named(folder: Path) -> None:
         assert "in the scene 'before the first percept'" in error, name
         assert "its applicability differs" in error, name
         assert ("in another process" in error) >= (name in ELSEWHERE), error
-
-
-def test_the_order_of_a_set_is_named_by_scene_and_part(folder: Path) -> None:
-    put_file(folder, "navfw.toml", "")
-    chance = HEAD % ("own", CHANCES["order_of_a_set"])
-    put_file(folder, "behaviors/own.py", chance + "\nprint('imported')\n")
-    error = errors_of_check()["own"]
-    assert "in the scene 'before the first percept'" in error
-    assert "its applicability differs in another process: let nothing depend on" in error

@@ -1,4 +1,4 @@
-"""``navfw new``: projects and parts are sound, nothing is overwritten or half-written."""
+"""``navfw new``: projects and parts are sound, nothing is overwritten."""
 
 import json
 import os
@@ -237,17 +237,6 @@ def test_a_wrong_name_is_refused(part: tuple[str, ...], message: str, project: P
 def test_no_part_outside_of_a_project(kind: str, folder: Path) -> None:
     assert "is in no project; change into one" in refusal("new", kind, NAMES[kind])
     assert list(folder.iterdir()) == []
-
-
-def test_a_part_that_cannot_be_written_whole_is_not_written(project: Path) -> None:
-    """The plugin is written first, then the stack cannot be: both are gone."""
-    (project / "stacks/careful.yaml").unlink()
-    (project / "stacks").rmdir()
-    (project / "stacks").write_text("in the way")
-    before = sorted(project.rglob("*"))
-    said = refusal("new", "flow", "tracked_points")
-    assert "stacks/tracked_points.yaml: cannot be written" in said
-    assert sorted(project.rglob("*")) == before
 
 
 @pytest.mark.slow

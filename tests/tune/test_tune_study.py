@@ -34,6 +34,7 @@ from navfw.tune.stack_study import StackStudy, open_study
 from navfw.tune.trials import Objectives, driver
 
 DETUNED = "base: default\nbehaviors:\n  avoid: {spare: 0.9}\n"
+OTHER = "entries: [{world: empty, missions: [turn-back]}]\n"
 BEST = 0.06
 Files = tuple[Path, Path]
 """A suite and a stack."""
@@ -148,22 +149,17 @@ def test_a_study_goes_on_where_it_was(files: Files, folder: Path) -> None:
         ({"seeds": "0:7"}, "another seeds: "),
         ({"objectives": ("sct",)}, "another objective: "),
         ({"parameters": ("avoid.weight",)}, "another parameters: "),
+        ({"suite": "other.yaml"}, 'another suite: "short", not "other"'),
     ],
 )
 def test_a_study_of_other_runs_is_refused(
     files: Files, folder: Path, changed: dict[str, Any], what: str
 ) -> None:
     open_study(folder, planned(files).identity, resume=False, seed=0)
+    files[0].with_name("other.yaml").write_text(OTHER, encoding="utf-8")
+    files = files[0].with_name(changed.pop("suite", files[0].name)), files[1]
     with pytest.raises(InputError, match=what):
-        open_study(folder, planned(files, **changed).identity, resume=True, seed=0)
-
-
-def test_a_study_of_another_suite_is_refused(files: Files, folder: Path) -> None:
-    open_study(folder, planned(files).identity, resume=False, seed=0)
-    other = files[0].with_name("other.yaml")
-    other.write_text("entries: [{world: empty, missions: [turn-back]}]\n", encoding="utf-8")
-    with pytest.raises(InputError, match='another suite: "short", not "other"'):
-        planned((other, files[1])).run(folder, FakeRuns(), 2, resume=True)
+        planned(files, **changed).run(folder, FakeRuns(), 2, resume=True)
 
 
 def test_a_file_that_is_no_study_is_told(folder: Path) -> None:
