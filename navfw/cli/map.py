@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -43,8 +44,7 @@ if TYPE_CHECKING:
     from navfw.topomap import TopoMap
 
 _OverWorld = Annotated[
-    str | None,
-    typer.Option(help="Name or file of a world [default: the world with the map's name]."),
+    str | None, option(..., "Name or file of a world [default: the world with the map's name].")
 ]
 
 
@@ -373,7 +373,9 @@ def _outline_for(topo_map: TopoMap, world: str | None) -> WorldOutline | None:
 
 
 group = command_group("Show, check, compare, build, teach and convert maps; plan on them.")
-for _command in (show, check, diff, build, teach, name, plan, learn_landmarks, learn_situations):
-    group.command()(_command)
-for _command in (convert, export):
+_COMMANDS: tuple[Callable[..., None], ...] = (
+    *(show, check, diff, build, teach, name, plan, learn_landmarks, learn_situations),
+    *(convert, export),
+)
+for _command in _COMMANDS:
     group.command()(_command)

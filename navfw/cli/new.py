@@ -7,14 +7,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from navfw.cli.options import argument, command_group, option
 from navfw.cli.output import echo
 from navfw.scaffold.part_kinds import PARTS
 
 _Name = Annotated[
-    str, typer.Argument(metavar="NAME", help="Its name: slow_down for code, east-wing for files.")
+    str, argument(..., "Its name: slow_down for code, east-wing for files.", metavar="NAME")
 ]
 _STARTS = PARTS["behavior"].starts
 

@@ -74,64 +74,76 @@ def complete_setting(_: typer.Context) -> Iterable[str]:
 def option(default: Any, text: str, *names: str, kind: str = "", **settings: Any) -> Any:
     """Declare an option of a command, in its signature or its dataclass, with its help ``text``.
 
-    A ``default`` of ``...`` makes it required. Names of files of a ``kind`` are completed;
-    ``settings`` are those of ``typer.Option``.
+    A ``default`` of ``...`` makes it required; in ``Annotated`` it stands for that of the command.
+    Names of files of a ``kind`` are completed; ``settings`` are those of ``typer.Option``.
     """
     if kind:
         settings["autocompletion"] = completer_of(kind)
     return typer.Option(default, *names, help=text, **settings)
 
 
-def argument(default: Any, text: str, **settings: Any) -> Any:
+def argument(default: Any, text: str, *, kind: str = "", **settings: Any) -> Any:
     """Declare an argument of a command as ``option`` does an option."""
+    if kind:
+        settings["autocompletion"] = completer_of(kind)
     return typer.Argument(default, help=text, **settings)
 
 
-World = Annotated[
-    str,
-    typer.Argument(
-        metavar="WORLD", help="Name or file of a world.", autocompletion=completer_of("world")
-    ),
-]
+World = Annotated[str, argument(..., "Name or file of a world.", kind="world", metavar="WORLD")]
 Mission = Annotated[
     str,
-    typer.Argument(
-        metavar="MISSION",
-        help="Name of a mission of that world, or a file.",
+    argument(
+        ...,
+        "Name of a mission of that world, or a file.",
         autocompletion=complete_mission,
+        metavar="MISSION",
     ),
 ]
-Map = Annotated[
-    str,
-    typer.Argument(
-        metavar="MAP", help="Name or file of a map.", autocompletion=completer_of("map")
-    ),
-]
+Map = Annotated[str, argument(..., "Name or file of a map.", kind="map", metavar="MAP")]
 Recorded = Annotated[
-    Path, typer.Argument(metavar="RUN_FOLDER", help="Run folder written by navfw run --record.")
+    Path, argument(..., "Run folder written by navfw run --record.", metavar="RUN_FOLDER")
 ]
-Suite = Annotated[
-    str,
-    typer.Argument(
-        metavar="SUITE", help="Name or file of a suite.", autocompletion=completer_of("suite")
-    ),
-]
-Stack = Annotated[
-    str, typer.Option(help="Name or file of a stack.", autocompletion=completer_of("stack"))
-]
+Suite = Annotated[str, argument(..., "Name or file of a suite.", kind="suite", metavar="SUITE")]
+Stack = Annotated[str, option(..., "Name or file of a stack.", kind="stack")]
 Robot = Annotated[
     str | None,
-    typer.Option(
-        help="Name or file of a robot [default: that of the mission, or default].",
-        autocompletion=completer_of("robot"),
+    option(
+        ..., "Name or file of a robot [default: that of the mission, or default].", kind="robot"
     ),
 ]
-NoiseSeed = Annotated[int, typer.Option(min=0, help="Seed of all noise.")]
-Json = Annotated[
-    bool, typer.Option("--json", help="Print one JSON object on stdout, and nothing else.")
+NoiseSeed = Annotated[int, option(..., "Seed of all noise.", min=0)]
+Json = Annotated[bool, option(..., "Print one JSON object on stdout, and nothing else.", "--json")]
+JsonList = Annotated[bool, option(..., "Print a JSON list of objects, and nothing else.", "--json")]
+Video = Annotated[
+    Path | None,
+    option(
+        ..., "MP4 file to write: the camera with flow and percept beside the plan.", metavar="FILE"
+    ),
 ]
-JsonList = Annotated[
-    bool, typer.Option("--json", help="Print a JSON list of objects, and nothing else.")
+Topic = Annotated[
+    str | None, option(..., "Topic of a bag's images; by default that with the most.")
+]
+LivePort = Annotated[int, option(..., "Port of --live; 0: a free one.", min=0, max=65535)]
+ImuAxes = Annotated[
+    str | None,
+    option(
+        ...,
+        "Axes of the gyro that point ahead, left, up, such as z,-x,-y; by default from /tf_static,"
+        " the frame's name or the turns of the wheels, else x,y,z.",
+        metavar="AHEAD,LEFT,UP",
+    ),
+]
+EngineKind = Literal["processes", "dask"]
+"""Where a suite's runs are driven."""
+Workers = Annotated[int, option(..., "Processes, each with one thread.", min=1, max=256)]
+Limit = Annotated[float, option(..., "Largest wall time of a run [s].", min=1.0)]
+Memory = Annotated[float, option(..., "Largest memory of a run's process [MB].", min=100.0)]
+EngineName = Annotated[
+    EngineKind, option(..., "Processes of this machine, or a cluster of Dask.", "--engine")
+]
+Scheduler = Annotated[
+    str | None,
+    option(..., "With --engine dask: tls://HOST:PORT, or tcp://.", metavar="ADDRESS"),
 ]
 
 
@@ -152,48 +164,6 @@ def of_robot(name: str | None) -> tuple[str, ...]:
 
             read_urdf(file)  # what is wrong with it is no part of the mission
     return (f"robot={json.dumps(name if file.stem == name else str(file.absolute()))}",)
-
-
-Video = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FILE",
-        help="MP4 file to write: the camera with flow and percept beside the plan.",
-    ),
-]
-
-
-Topic = Annotated[
-    str | None,
-    typer.Option(help="Topic of a bag's images; by default that with the most."),
-]
-
-
-LivePort = Annotated[int, typer.Option(min=0, max=65535, help="Port of --live; 0: a free one.")]
-
-
-ImuAxes = Annotated[
-    str | None,
-    typer.Option(
-        metavar="AHEAD,LEFT,UP",
-        help="Axes of the gyro that point ahead, left, up, such as z,-x,-y; by default from"
-        " /tf_static, the frame's name or the turns of the wheels, else x,y,z.",
-    ),
-]
-
-
-EngineKind = Literal["processes", "dask"]
-"""Where a suite's runs are driven."""
-Workers = Annotated[int, typer.Option(min=1, max=256, help="Processes, each with one thread.")]
-Limit = Annotated[float, typer.Option(min=1.0, help="Largest wall time of a run [s].")]
-Memory = Annotated[float, typer.Option(min=100.0, help="Largest memory of a run's process [MB].")]
-EngineName = Annotated[
-    EngineKind, typer.Option("--engine", help="Processes of this machine, or a cluster of Dask.")
-]
-Scheduler = Annotated[
-    str | None,
-    typer.Option(metavar="ADDRESS", help="With --engine dask: tls://HOST:PORT, or tcp://."),
-]
 
 
 def check_engine(engine: EngineKind, scheduler: str | None) -> None:

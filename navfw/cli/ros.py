@@ -47,14 +47,12 @@ class _RosCommand(TyperCommand):
         return super().parse_args(ctx, args[:at])
 
 
-_Lockstep = Annotated[
-    bool, typer.Option("--lockstep", help="With a robot in lock step: bit for bit.")
-]
+_Lockstep = Annotated[bool, option(..., "With a robot in lock step: bit for bit.", "--lockstep")]
 _Namespace = Annotated[
     str | None,
-    typer.Option(metavar="NAME", help="Of all topics, /tf and /clock, too: one for each robot."),
+    option(..., "Of all topics, /tf and /clock, too: one for each robot.", metavar="NAME"),
 ]
-_Force = Annotated[bool, typer.Option("--force", help="Replace an earlier map of that name.")]
+_Force = Annotated[bool, option(..., "Replace an earlier map of that name.", "--force")]
 
 
 @group.command(cls=_RosCommand)
