@@ -227,7 +227,7 @@ def _merge(
     replaced: Container[str],
 ) -> None:
     """Write the part of ``upper`` at path ``at`` into the mapping ``node``, and its origins."""
-    for key, value in upper.at(at).items() if at else upper.data.items():
+    for key, value in upper.at(at).items():
         path = (*at, key)
         merged = not (len(path) == 1 and key in replaced)
         if merged and isinstance(value, dict) and isinstance(node.get(key), dict):

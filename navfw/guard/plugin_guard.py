@@ -184,8 +184,10 @@ class PluginGuard:
             check_interrupted(error)
             if isinstance(error, InputError) and self.starting:
                 raise  # the plugin refuses the mission
-            if isinstance(error, PluginTimeout):
-                self._suspend(plugin)
+            if isinstance(error, PluginTimeout):  # it rests, each time for twice as long
+                _, before = self._suspended.get(plugin, (0.0, 0.5 * SUSPENSION))
+                duration = min(2.0 * before, MAX_SUSPENSION)
+                self._suspended[plugin] = (self.time + duration, duration)
             raise self._failure(plugin, error_text(error), vital) from None
         self._answered[plugin] += 1
         if vital:
@@ -200,12 +202,6 @@ class PluginGuard:
             return self.call(*call, check=check, vital=vital)
         except PluginCallError:
             return None
-
-    def _suspend(self, plugin: str) -> None:
-        """Do not call ``plugin`` for some simulated time, each time for twice as long."""
-        _, before = self._suspended.get(plugin, (0.0, 0.5 * SUSPENSION))
-        duration = min(2.0 * before, MAX_SUSPENSION)
-        self._suspended[plugin] = (self.time + duration, duration)
 
     def _failure(self, plugin: str, error: str, vital: bool) -> PluginCallError:
         self._failed[plugin] += 1

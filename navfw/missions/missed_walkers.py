@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
+from itertools import repeat
 from typing import Any
 
 import numpy as np
 
-from navfw.numerics import Array, Mask
+from navfw.numerics import Array
 from navfw.signals import Pose
-from navfw.sim.scene_geometry import SceneGeometry
 
 _LOOKED, _PAUSE = 6.0, 0.3
 """Time [s] before a contact that is examined; time for which a walker may be out of view."""
@@ -34,7 +34,8 @@ def how_missed(result: Any, name: str) -> str:
     walker = result.movers.at(times)[:, index]
     half = 0.5 * stack.robot.camera.hfov
     rims = [_rim(Pose(*pose), at, radius) for pose, at in zip(poses.tolist(), walker, strict=True)]
-    shown = (np.array(rims) < half) & _unhidden(result.session.plan, poses, walker)
+    clear = map(result.session.plan.straight_path_free, poses[:, :2], walker, repeat(0.01))
+    shown = (np.array(rims) < half) & list(clear)
     newest = times > times[-1] - _PAUSE
     gone = np.flatnonzero(~shown & ~newest)
     in_view = float(times[-1] - (times[gone[-1]] if len(gone) else times[0]))
@@ -55,11 +56,3 @@ def _rim(robot: Pose, at: Array, radius: float) -> float:
     ahead, aside = robot.to_local(*at.tolist())
     away = max(math.hypot(ahead, aside), radius)
     return abs(math.atan2(aside, ahead)) - math.asin(radius / away)
-
-
-def _unhidden(plan: SceneGeometry, poses: Array, walker: Array) -> Mask:
-    """Whether nothing of the ``plan`` stands between robot and walker, at each time."""
-    shares = np.linspace(0.1, 0.9, 17)[:, None, None]
-    between = poses[:, :2] + shares * (walker - poses[:, :2])
-    clear = plan.clearances(between.reshape(-1, 2)).reshape(len(shares), -1)
-    return np.asarray((clear > 0.0).all(axis=0))

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NoReturn, Protocol, cast
+from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias, cast
 
 from pydantic import ValidationError
 
@@ -29,6 +29,10 @@ from navfw.stack import Stack
 from navfw.stack.stackfile import PluginSource
 from navfw.topomap import Place
 
+if TYPE_CHECKING:
+    from navfw.plugins.fault_injection import FaultInjector
+    from navfw.sim.simulation import Simulation
+
 
 @dataclass(slots=True)
 class EventRecord:
@@ -42,14 +46,8 @@ class EventRecord:
     ended_s: float | None = None
 
 
-class EventTarget(Protocol):
-    """What an event's action is applied to: the simulation, or a behaviour of the stack."""
-
-    def begin(self, action: Any) -> None:
-        """Apply the action."""
-
-    def end(self, action: Any) -> None:
-        """Revert the action."""
+EventTarget: TypeAlias = "Simulation | FaultInjector"
+"""What an event's action is applied to: the simulation, or a behaviour of the stack."""
 
 
 class EventClock:

@@ -240,9 +240,7 @@ def _variant_table(summary: Mapping[str, Any], columns: Sequence[Column]) -> Res
         nothing = dict.fromkeys(variants[0])
         skipped = {"name": name, "missions": 0, "skipped": reason, "by_entry": {}}
         variants.append({**nothing, **skipped})
-    of_entries = [
-        Column(entry, partial(_success_in, entry), ".0%", missing="") for entry in entries
-    ]
+    of_entries = [Column(entry, partial(_in_entry, entry), ".0%", missing="") for entry in entries]
     head, p = Column("variant", "name"), Column("p", _chance, missing="")
     return ResultTable("variants", [head, *columns, p, *of_entries], variants)
 
@@ -257,9 +255,8 @@ def _success(figures: Mapping[str, Any], digits: int) -> str:
     return f"{shown(figures['success'], f'.{digits}%', missing='')} [{low}, {high}]".strip()
 
 
-def _success_in(entry: str, variant: Mapping[str, Any]) -> float | None:
-    share: float | None = variant["by_entry"].get(entry, {}).get("success")
-    return share
+def _in_entry(entry: str, variant: Mapping[str, Any]) -> object:
+    return variant["by_entry"].get(entry, {}).get("success")
 
 
 def _chance(figures: Mapping[str, Any]) -> str | None:
