@@ -22,9 +22,6 @@ from navfw.robot import RobotModel
 _FRAMES = 50  # chosen
 """Number of calls, from the innermost outwards, that are searched for the plugin's own code."""
 
-_MAX_LINE = 100  # chosen
-"""Length of the text of a line [characters]."""
-
 _GUARD, _PACKAGE = Path(__file__).parents[:2]
 _LIBRARIES = tuple(
     f"{Path(sysconfig.get_path(name))}/" for name in ("stdlib", "platstdlib", "purelib", "platlib")
@@ -43,8 +40,7 @@ def fault_origin(error: BaseException) -> str:
     if not outside:
         return ""
     frame = (own or outside)[-1]
-    line = (frame.line or "").strip()
-    text = f": {line[:_MAX_LINE]}" if line else ""
+    text = f": {frame.line.strip()}" if frame.line else ""
     return f"{shown_path(Path(frame.filename))}:{frame.lineno}, in {frame.name}{text}"
 
 
@@ -73,7 +69,7 @@ MAX_FAILURE_RATE = 0.1  # chosen
 _MAX_ERROR = 300  # chosen
 """Largest length of the error text of a fault [characters]."""
 
-_MAX_FAULTS = 1000  # chosen
+_MAX_FAULTS = 100  # chosen
 """Largest number of distinct faults kept: a plugin may raise a new error at every call."""
 
 AnswerT = TypeVar("AnswerT")

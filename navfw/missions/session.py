@@ -47,9 +47,6 @@ from navfw.sim.worldspec import WorldSpec
 from navfw.stack import Stack
 from navfw.topomap import TopoMap
 
-MAX_FAULTS = 100
-"""Largest number of distinct plugin faults in a result."""
-
 
 @dataclass(frozen=True)
 class Session:
@@ -308,7 +305,7 @@ class MissionResult(RunResult):
             oracle=stack.resolved.settings.oracle or bool(oracles),
             oracle_plugins=oracles,
             map_changes=() if explored is not None else _map_changes(session),
-            faults=tuple(map(str, stack.guard.faults))[:MAX_FAULTS],
+            faults=tuple(map(str, stack.guard.faults)),
             objections=tuple(
                 text for name, text in failed.items() if session.uninvited([f"{name}: "])
             ),

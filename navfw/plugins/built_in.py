@@ -71,8 +71,6 @@ GROUPS: dict[str, str] = {f"navfw.{_PLURALS.get(kind, kind + 's')}": kind for ki
 
 
 _FOLDER = Path(__file__).parents[2]
-_MAX_SOURCE = 1_000_000
-"""Largest size of a plugin's source that is read without importing it [byte]."""
 
 
 def outlines(file: Path) -> list[tuple[str, str, str]]:
@@ -108,7 +106,7 @@ def summary_of(docstring: str | None) -> str:
 
 def _classes(file: Path) -> list[ast.ClassDef]:
     try:
-        tree = ast.parse(read_input(file, _MAX_SOURCE), str(file))
+        tree = ast.parse(read_input(file), str(file))
     except (ConfigError, SyntaxError, ValueError):  # the import says what is wrong
         return []
     return [node for node in tree.body if isinstance(node, ast.ClassDef)]
