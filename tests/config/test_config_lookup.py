@@ -17,8 +17,6 @@ from navfw.config.strict_model import StrictModel
 from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, UnknownNameError
 
-HOME = Path(lookup.__file__).parents[2]
-
 
 @pytest.fixture
 def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:

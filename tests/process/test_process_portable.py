@@ -15,7 +15,6 @@ import pytest
 from cli_calls import put_file
 from processes import Done, run
 
-ROOT = Path(__file__).parents[2]
 WITHOUT = """
 import multiprocessing, os, signal, sys
 
