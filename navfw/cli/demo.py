@@ -7,11 +7,10 @@ from functools import partial
 
 import typer
 
-from navfw.cli.live import live_server, shown_live
 from navfw.cli.options import option
 from navfw.cli.output import echo, print_table, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
-from navfw.cli.run import show_tick
+from navfw.cli.run import live_server, show_tick, shown_live
 from navfw.cli.warm import compile_with_progress
 from navfw.process.interruption import INTERRUPTED
 

@@ -13,7 +13,6 @@ import json
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import MISSING, fields
 from functools import wraps
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, get_type_hints
@@ -189,24 +188,13 @@ def numbers_of(option: str, text: str | None, names: tuple[str, ...]) -> tuple[f
 def from_options(command: Callable[[OptionsT], None]) -> Callable[..., None]:
     """Make a typer command of a function whose only argument is a dataclass of its options."""
     cls: Any = get_type_hints(command)["options"]
-    hints = get_type_hints(cls, include_extras=True)
 
     @wraps(command)
     def with_options(**values: Any) -> None:
         command(cls(**values))
 
-    kind, none = inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.empty
-    parameters = [
-        inspect.Parameter(
-            field.name,
-            kind,
-            default=none if field.default is MISSING else field.default,
-            annotation=hints[field.name],
-        )
-        for field in fields(cls)
-    ]
-    with_options.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    with_options.__annotations__ = hints
+    parameters = inspect.signature(cls, eval_str=True)
+    with_options.__signature__ = parameters  # type: ignore[attr-defined]
     return with_options
 
 

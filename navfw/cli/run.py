@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, NoReturn
 import typer
 
 from navfw.cli import options
-from navfw.cli.live import live_server
 from navfw.cli.options import option
 from navfw.cli.output import NOT_SAVED, echo, print_assumed, quiet_stdout, show_result
 from navfw.cli.progress_bar import ProgressBar, Quiet
@@ -30,6 +29,8 @@ if TYPE_CHECKING:
     from navfw.missions.missionfile import Destination
     from navfw.missions.pilot import TickView
     from navfw.missions.session import MissionResult, Session
+    from navfw.recording.channel_list import SeenRun
+    from navfw.recording.live_server import LiveServer
     from navfw.signals import Waypoint
 
 
@@ -262,6 +263,39 @@ def _prepared(request: RunOptions, mission: str | Destination | None) -> Session
     if request.keep_map is not None and session.mission.spec.explore is not None:
         raise InputError("an exploration has no map to correct; give --out-map", key="--keep-map")
     return session
+
+
+def shown_live(session: Session) -> tuple[SeenRun, str]:
+    """Return the content of the live server for a run: what it draws, and its page."""
+    from navfw.report import live_page
+    from navfw.sim.chase_view import ChaseView
+
+    title = f"{session.world_name} / {session.mission_name}, seed {session.seed}"
+    goals = [(goal.x, goal.y) for goal in session.mission.goals]
+    chase = ChaseView(session.world, session.mission.spec.robot, (480, 270)).draw
+    return replace(session.seen, chase=chase), live_page(title, session.seen, goals)
+
+
+def live_server(
+    session: Session,
+    port: int,
+    origins: tuple[str, ...] = (),
+    *,
+    speed: float | None = None,
+    wait: bool = False,
+) -> LiveServer:
+    """Start the live server of a run, and print its address; arguments as of ``LiveServer``."""
+    from navfw.recording.live_server import LiveServer
+
+    seen, page = shown_live(session)
+    server = LiveServer(seen, port, page=page, origins=origins, speed=speed, wait=wait)
+    # printed with --quiet as well: without its token the address is of no use
+    waits = " (the run begins with the first viewer)" if wait else ""
+    echo(f"live: {server.url}{waits}", err=True)
+    if origins:
+        address = server.url.replace("http", "ws", 1)
+        echo(f"live: {address} for Foxglove and Lichtblick", err=True)
+    return server
 
 
 def show_tick(bar: ProgressBar, goal: Waypoint, began: float, tick: TickView) -> None:

@@ -87,5 +87,4 @@ def _with_trust(callback: Callable[..., Any]) -> Callable[..., Any]:
     )
     parameters = [*signature.parameters.values(), own]
     command.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
-    command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     return command
