@@ -14,14 +14,13 @@ from navfw.cli.options import option
 from navfw.cli.output import NOT_SAVED, print_result, quiet_stdout
 from navfw.cli.warm import compile_with_progress
 from navfw.errors import InputError
-from navfw.process.interruption import deferred
+from navfw.process.interruption import deferred, interruptible
 from navfw.recording.run_folder import plain_json
 
 if TYPE_CHECKING:
-    from navfw.missions.session import Session
     from navfw.plugins import Registry
     from navfw.robot import RobotModel
-    from navfw.ros import DriveOptions, RosNode
+    from navfw.ros import DriveOptions
     from navfw.signals import Waypoint
     from navfw.stack import Stack
     from navfw.topomap import TopoMap
@@ -305,12 +304,16 @@ def sim(
         loaded = prepare(world, mission or None, seed=seed, overrides=overrides)
         compile_with_progress(loaded=True, quiet=json)
         node = RosNode("navfw_sim", _arguments(ctx, namespace))
-        if free:
-            _roam(node, loaded, pace, gui=gui)
         simulation = loaded.simulation(gui)
         try:
-            pilot = RosPilot(node, loaded.task.robot, simulation, pace)
-            node.say(f"{loaded.world_name}, {loaded.mission_name}: waiting for commands")
+            pilot = RosPilot(node, loaded.task.robot, simulation, pace, free=free)
+            what = "without a mission" if free else loaded.mission_name
+            node.say(f"{loaded.world_name}, {what}: waiting for commands")
+            if free:
+                first = [simulation]
+                with suppress(KeyboardInterrupt), interruptible():
+                    pilot.roam(lambda: first.pop() if first else loaded.simulation(gui))
+                raise typer.Exit(0)
             drive = MissionLoop(loaded.task, pilot, simulation).run()
             summary = MissionResult.of(loaded, drive, simulation).summary()
         finally:
@@ -320,21 +323,3 @@ def sim(
     print_result(plain_json(summary), [line], json=json)
     if summary["outcome"] != "reached":
         raise typer.Exit(1)
-
-
-def _roam(node: RosNode, loaded: Session, pace: float, *, gui: bool) -> NoReturn:
-    """Simulate a robot without a mission until a signal."""
-    from navfw.process.interruption import interruptible
-    from navfw.ros import RosPilot
-
-    simulation = loaded.simulation(gui)
-    try:
-        pilot = RosPilot(node, loaded.task.robot, simulation, pace, free=True)
-        node.say(f"{loaded.world_name}, without a mission: waiting for commands")
-        first = [simulation]
-        with suppress(KeyboardInterrupt), interruptible():
-            pilot.roam(lambda: first.pop() if first else loaded.simulation(gui))
-    finally:
-        simulation.close()
-        node.close()
-    raise typer.Exit(0)
