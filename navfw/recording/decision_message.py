@@ -8,7 +8,6 @@ them takes 0.7 % of the loop. A state from which the whole stack could continue 
 from __future__ import annotations
 
 import json
-import struct
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
@@ -17,18 +16,19 @@ import numpy as np
 from navfw.context import CommandGrid, Context
 from navfw.localmap import Arcs, LocalGoal, Ranges
 from navfw.numerics import Array
+from navfw.recording.channel_list import DECISION_NAME
+from navfw.recording.ros_messages import message_types, ros_message
 from navfw.robot import RobotModel
 from navfw.signals import Belief, Command, Conflicts, Percept, Pose, Twist, Waypoint
 from navfw.signals.percepts import Label
 
 _TERMS = ("near", "middle", "far")
 """The degrees that a quadrant has."""
-_SIZE = struct.Struct("<I")
 T = TypeVar("T")
 
 
-def decision_fields(context: Context, twist: Twist) -> dict[str, Any]:
-    """Return the message's fields for a decision: its context, and the command's ``twist``.
+def encoded_decision(context: Context, twist: Twist) -> bytes:
+    """Encode a decision: its context, and the command's ``twist``.
 
     ``values`` are JSON. The flow is left out, and of the percept all but its time, the cells that
     show an obstacle, the quadrants, and the degree of the floor in front.
@@ -70,32 +70,19 @@ def decision_fields(context: Context, twist: Twist) -> dict[str, Any]:
         seen = percept.time, percept.label.shape[1], quadrants, obstacles, percept.floor_in_front
         values["percept"] = seen
     numbers = np.concatenate([layer.ravel() for layer in layers])
-    return {"values": json.dumps(values), "numbers": numbers, "labels": labels}
-
-
-def _parts(message: bytes) -> tuple[str, Array, Any]:
-    """Return ``values``, ``numbers`` and ``labels`` of a message in CDR, without its schema."""
-    body = memoryview(message)[4:]
-    (size,) = _SIZE.unpack_from(body)
-    text, place = bytes(body[4 : 3 + size]).decode(), -(-(4 + size) // 4) * 4
-    (count,) = _SIZE.unpack_from(body, place)
-    place = -(-(place + 4) // 8) * 8 if count else place + 4
-    numbers = np.frombuffer(body, np.float64, count, place)
-    place += 8 * count
-    (count,) = _SIZE.unpack_from(body, place)
-    return text, numbers, np.frombuffer(body, np.int8, count, place + 4)
+    fields = {"values": json.dumps(values), "numbers": numbers, "labels": labels}
+    return ros_message(DECISION_NAME, fields)
 
 
 def decision_of(message: bytes, robot: RobotModel, commands: CommandGrid) -> tuple[Context, Twist]:
     """Decode context and command; reading a field that ``message`` lacks raises AttributeError."""
-    text, numbers, labels = _parts(message)
-    values = json.loads(text)
-    place = 0
+    parts: Any = message_types().deserialize_cdr(message, DECISION_NAME)
+    values, place = json.loads(parts.values), 0
 
     def take(*shape: int) -> Array:
         nonlocal place
         begin, place = place, place + int(np.prod(shape))
-        return numbers[begin:place].reshape(shape)
+        return np.asarray(parts.numbers[begin:place].reshape(shape))
 
     grid, turns = commands.shape, commands.shape[1]
     limit, rays = values["ranges"]
@@ -107,6 +94,10 @@ def decision_of(message: bytes, robot: RobotModel, commands: CommandGrid) -> tup
     pose, (xx, xy, yy), confidence, lost = values["belief"]
     covariance = np.full((3, 3), np.nan)
     covariance[:2, :2] = (xx, xy), (xy, yy)
+    if (previous := values["previous"]) is not None:
+        driven, leader, emergency = previous
+        known = {"leader": leader, "emergency": emergency}
+        previous = _partly(Command, twist=Twist(*driven), **known)
     belief = {"pose": Pose(*pose), "covariance": covariance, "confidence": confidence}
     context = _partly(
         Context,
@@ -116,12 +107,12 @@ def decision_of(message: bytes, robot: RobotModel, commands: CommandGrid) -> tup
         twist=Twist(*values["twist"]),
         pose=Pose(*values["pose"]),
         belief=_partly(Belief, time=values["time"], lost=lost, **belief),
-        percept=_percept(values["percept"], labels, take),
+        percept=_percept(values["percept"], parts.labels.view(np.int8), take),
         arcs=arcs,
         ranges=ranges,
         waypoint=_optional(Waypoint, values["waypoint"]),
         local_goal=_optional(LocalGoal, values["local_goal"]),
-        previous=_previous(values["previous"]),
+        previous=previous,
         stalled=values["stalled"],
         idle=values["idle"],
         conflicts=conflicts,
@@ -142,13 +133,6 @@ def _percept(seen: Sequence[Any] | None, labels: Any, take: Callable[[int], Arra
     degrees = {name: dict(zip(_TERMS, of, strict=True)) for name, of in quadrants.items()}
     fuzzy = {"quadrants": degrees, "obstacles": obstacles, "floor_in_front": floor_in_front}
     return _partly(Percept, time=time, **cells, **fuzzy)
-
-
-def _previous(was: Sequence[Any] | None) -> Command | None:
-    if was is None:
-        return None
-    twist, leader, emergency = was
-    return _partly(Command, twist=Twist(*twist), leader=leader, emergency=emergency)
 
 
 def _row(value: Any) -> list[Any]:

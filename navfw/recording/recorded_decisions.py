@@ -179,14 +179,13 @@ def _repeated(folder: Path, decided: float) -> DecisionMoment:
     """Repeat a recorded run up to the decision at ``decided`` [s]."""
     from navfw.recording.run_replay import recorded_stack
 
-    stack, recording, faults = recorded_stack(folder)
+    stack, recording, step = recorded_stack(folder)
     for reading in recording.readings:
-        faults.update(reading.time)
         last = reading.time >= decided - 1e-6
         if last:
             mofis = stack.mofis
             behaviors, composite = _copies(mofis)
-        stack.step(reading)
+        step(reading)
         if last and mofis.context is not None:
             return DecisionMoment(mofis, mofis.context, behaviors, composite)
     raise InputError(f"the decision at {decided:g} s is not in the recording", file=folder)

@@ -15,14 +15,13 @@ from foxglove import messages as typed
 from foxglove.messages import Timestamp
 
 from navfw.config.input_file import read_json_object
-from navfw.context import Context as DecisionContext
 from navfw.guard import PluginGuard
 from navfw.numerics import Image
 from navfw.recording import channel_list as topics
 from navfw.recording import ros_messages as ros
 from navfw.recording import viewer_messages as messages
 from navfw.recording.channel_list import SeenRun
-from navfw.recording.decision_message import decision_fields
+from navfw.recording.decision_message import encoded_decision
 from navfw.recording.recorded_rules import rule_bases
 from navfw.recording.run_folder import plain_json
 from navfw.signals import Command, Percept, Pose, SensorReading, Twist
@@ -167,7 +166,7 @@ def _views(
         yield topics.COMMAND, partial(_command, state, command)
         yield topics.RULES, partial(stack.explain, guard, inference=False)
         if stack.mofis.context is not None:
-            yield topics.DECISION, partial(_decision, stack.mofis.context, command)
+            yield topics.DECISION, partial(encoded_decision, stack.mofis.context, command.twist)
 
 
 def context_channels(context: Context) -> OpenChannel:
@@ -205,11 +204,6 @@ def _line(state: StackState, now: int) -> bytes:
     said = {"msg": f"held: {held}" if held else does, "level": 30 if held else 20}
     fields = {"stamp": ros.time_fields(now), "name": "navfw", **said}
     return ros.ros_message("rcl_interfaces/msg/Log", fields)
-
-
-def _decision(context: DecisionContext, command: Command) -> bytes:
-    fields = decision_fields(context, command.twist)
-    return ros.ros_message(topics.DECISION_NAME, fields)
 
 
 def _percept(percept: Percept) -> Mapping[str, Any]:

@@ -132,8 +132,8 @@ def replay(folder: str | Path) -> ReplayResult:
         InputError: the folder is not that of a run with ``--record``, or is damaged.
 
     """
-    stack, recording, faults = recorded_stack(Path(folder))
-    return replay_by(stack.step, recording, faults.update)
+    _, recording, step = recorded_stack(Path(folder))
+    return replay_by(step, recording)
 
 
 def repeat_until(folder: str | Path, time: float) -> tuple[dict[str, Any], float]:
@@ -146,12 +146,11 @@ def repeat_until(folder: str | Path, time: float) -> tuple[dict[str, Any], float
         InputError: the folder is not that of a run with ``--record``, or is damaged.
 
     """
-    stack, recording, faults = recorded_stack(Path(folder))
+    stack, recording, step = recorded_stack(Path(folder))
     for reading in recording.readings:
         if reading.time > time + 1e-9:
             break
-        faults.update(reading.time)
-        stack.step(reading)
+        step(reading)
     explanation = stack.explain()
     last = recording.readings[-1].time if len(recording) else 0.0
     if explanation and not recording.complete:
@@ -159,12 +158,17 @@ def repeat_until(folder: str | Path, time: float) -> tuple[dict[str, Any], float
     return explanation, last
 
 
+Step = Callable[[SensorReading], Twist]
+"""Runs a stack on a reading; returns its command."""
+
+
 def recorded_stack(
     folder: Path, other: str | None = None, overrides: Sequence[str] = ()
-) -> tuple[Stack, SensorRecording, FaultReplay]:
-    """Load the stack of a recorded run, started, the readings, and the faults to repeat.
+) -> tuple[Stack, SensorRecording, Step]:
+    """Load the stack of a recorded run, started, the readings, and what steps the stack on them.
 
-    ``other`` is the name or file of a stack in its place; ``overrides`` change single values.
+    It repeats the faults of behaviours that were injected during the run. ``other`` is the name or
+    file of a stack in its place; ``overrides`` change single values.
 
     Raises:
         InputError: the folder is not that of a run with ``--record``, or is damaged; the stack or
@@ -186,11 +190,18 @@ def recorded_stack(
         default_registry(),
         overrides,
     )
-    faults = FaultReplay(folder, stack)
+    waiting = _faults(folder, stack)
     tolerance = mission.tolerance
     goals = [Waypoint.goal(goal.x, goal.y, tolerance, goal.place) for goal in mission.goals]
     stack.start(Pose(*mission.start) if mission.start_known else None, goals)
-    return stack, recording, faults
+
+    def step(reading: SensorReading) -> Twist:
+        for due in [fault for fault in waiting if fault[0] <= reading.time + 1e-9]:
+            due[1]()
+            waiting.remove(due)
+        return stack.step(reading)
+
+    return stack, recording, step
 
 
 def _check_images(recording: SensorRecording, camera: CameraModel, file: Path) -> None:
@@ -206,41 +217,24 @@ def _check_images(recording: SensorRecording, camera: CameraModel, file: Path) -
             )
 
 
-class FaultReplay:
-    """Repeats the faults of behaviours that were injected during the run."""
-
-    def __init__(self, folder: Path, stack: Stack) -> None:
-        self._waiting: list[tuple[float, Callable[[], None]]] = []
-        with located_damage(folder / RESULT, "its list of events"):
-            for event in read_result(folder).get("events", ()):
-                fault = event["event"].get("behavior")
-                if fault is None or fault["name"] not in stack.mofis.behaviors:
-                    continue
-                injector = inject_faults(stack.mofis.behaviors, fault["name"])
-                self._waiting.append((event["began_s"], partial(injector.begin, fault["does"])))
-                if event.get("ended_s") is not None:
-                    self._waiting.append((event["ended_s"], partial(injector.end, fault["does"])))
-
-    def update(self, time: float) -> None:
-        """Begin and end the faults due at ``time`` [s]."""
-        for due in [waiting for waiting in self._waiting if waiting[0] <= time + 1e-9]:
-            due[1]()
-            self._waiting.remove(due)
+def _faults(folder: Path, stack: Stack) -> list[tuple[float, Callable[[], None]]]:
+    """Return times [s] at which injected faults of behaviours began and ended, and calls for it."""
+    waiting: list[tuple[float, Callable[[], None]]] = []
+    with located_damage(folder / RESULT, "its list of events"):
+        for event in read_result(folder).get("events", ()):
+            fault = event["event"].get("behavior")
+            if fault is None or fault["name"] not in stack.mofis.behaviors:
+                continue
+            injector = inject_faults(stack.mofis.behaviors, fault["name"])
+            waiting.append((event["began_s"], partial(injector.begin, fault["does"])))
+            if event.get("ended_s") is not None:
+                waiting.append((event["ended_s"], partial(injector.end, fault["does"])))
+    return waiting
 
 
-def replay_by(
-    step: Callable[[SensorReading], Twist],
-    recording: SensorRecording,
-    before: Callable[[float], None] = lambda time: None,
-) -> ReplayResult:
-    """Run ``step`` on the recorded readings, and compare its commands bit by bit.
-
-    ``before`` is called with the time [s] of each reading before its step.
-    """
-    twists = []
-    for reading in recording.readings:
-        before(reading.time)
-        twists.append(step(reading))
+def replay_by(step: Step, recording: SensorRecording) -> ReplayResult:
+    """Run ``step`` on the recorded readings, and compare its commands bit by bit."""
+    twists = map(step, recording.readings)
     table = np.array([(twist.v, twist.w) for twist in twists], dtype=np.float64)
     commands, times = table.reshape(-1, 2), recording.times[:, None]
     differ = np.flatnonzero((commands != recording.commands).any(axis=1))

@@ -151,11 +151,7 @@ def smallest_changes(
         if smallest is not None:
             changes.append(smallest)
     largest = [one.change(part[-1]) for one in inputs for part in one.amounts()]
-    return sorted(changes, key=_size), largest
-
-
-def _size(change: Change) -> float:
-    return change.size
+    return sorted(changes, key=lambda change: change.size), largest
 
 
 def _turns(moment: DecisionMoment, turned: Predicate, shift: Shift, amount: float) -> bool:

@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 
 from navfw.config.lookup import find
-from navfw.config.yamlfile import rewording
 from navfw.errors import ConfigError, InputError, MapError
 from navfw.features.landmark_appearance import landmark_kind
 from navfw.localization.place_probabilities import SituationTable, learn_table
@@ -25,8 +24,8 @@ from navfw.mapping.joining import JoinedMap, free_names, join_all, key_at
 from navfw.plugins import default_registry
 from navfw.process.work_progress import ProgressCallback, silent
 from navfw.recording.floor_readings import with_floor_motion
-from navfw.recording.recorded_mission import RecordedMission
-from navfw.recording.run_folder import RESULT, read_result, recording_in
+from navfw.recording.recorded_mission import recorded_mission
+from navfw.recording.run_folder import recording_in
 from navfw.recording.run_replay import load_recording
 from navfw.robot import RobotModel
 from navfw.signals import Pose, SensorReading
@@ -68,11 +67,7 @@ def recorded_drive(folder: Path) -> TeachingDrive:
         ConfigError: it has no recording, or its result is damaged.
 
     """
-    config = read_result(folder).get("config")
-    with rewording(prefix="config.mission.", file=folder / RESULT):
-        data = config.get("mission") if isinstance(config, dict) else None
-        mission = RecordedMission.model_validate(data)
-    file = recording_in(folder)
+    mission, file = recorded_mission(folder), recording_in(folder)
     start = Pose(*mission.start) if mission.start_known else _ORIGIN
     return TeachingDrive(file, mission.robot, lambda: load_recording(file).readings, start)
 

@@ -17,6 +17,7 @@ from navfw.localmap.occupancy_grid import OccupancyGrid
 from navfw.movers.tracking import Track
 from navfw.numerics import Array
 from navfw.recording import palette
+from navfw.recording.ros_messages import in_space
 from navfw.recording.top_view import MOVER, Area, Disc, Line, Shape, WorldOutline, mover_shapes
 from navfw.robot import CameraModel
 from navfw.signals import Belief, FlowField, Label, Percept, Pose, Proposal, Twist, Waypoint
@@ -193,8 +194,6 @@ def _cube(corners: Array, height: float, color: fox.Color) -> fox.CubePrimitive:
 
 def pose_message(belief: Belief, twist: Twist, stamp: Timestamp) -> fox.Odometry:
     """Encode the estimated pose in ``map``, with covariance (x, y, z, roll, pitch, yaw; 6 x 6)."""
-    covariance = np.zeros((6, 6))
-    covariance[np.ix_((0, 1, 5), (0, 1, 5))] = belief.covariance
     return fox.Odometry(
         timestamp=stamp,
         frame_id="map",
@@ -202,7 +201,7 @@ def pose_message(belief: Belief, twist: Twist, stamp: Timestamp) -> fox.Odometry
         pose=_pose3(belief.pose),
         linear_velocity=fox.Vector3(x=twist.v, y=0.0, z=0.0),
         angular_velocity=fox.Vector3(x=0.0, y=0.0, z=twist.w),
-        pose_covariance=covariance.ravel().tolist(),
+        pose_covariance=in_space(belief.covariance).tolist(),
     )
 
 

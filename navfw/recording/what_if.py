@@ -111,7 +111,7 @@ def what_if(
             such stack, plugin, parameter or rule base.
 
     """
-    changed, recording, faults = recorded_stack(folder, stack, overrides)
+    changed, recording, step = recorded_stack(folder, stack, overrides)
     for file in rules:
         plugins = *changed.mofis.behaviors.values(), changed.mofis.composite
         replace_rules(plugins, BehaviorRules(file), file)
@@ -120,8 +120,7 @@ def what_if(
     held: list[str] = []
     reasons: dict[float, RuleChange] = {}
     for index, reading in enumerate(recording.readings):
-        faults.update(reading.time)
-        twist = changed.step(reading)
+        twist = step(reading)
         twists[index] = twist.v, twist.w
         held.append(changed.state.veto)
         differs = bool(others(twists[index], recording.commands[index]))

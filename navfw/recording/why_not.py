@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+
+import numpy as np
 
 from navfw.errors import InputError
 from navfw.mofis.fusion import CUT, shares
@@ -82,7 +82,9 @@ def why_not(moment: DecisionMoment, wanted: str) -> WhyNot:
     if not cells:
         limit = "the robot has no command like that: this was the most that it can do"
         raise InputError(limit, key="--why-not")
-    cell = max(cells, key=lambda one: (support[one], -_away(grid, one, command.twist)))
+    given = command.twist
+    away = np.hypot.outer(grid.v - given.v, grid.w - given.w)
+    cell = max(cells, key=lambda one: (support[one], -away[one]))
     given_cell = grid.nearest(command.twist)
     best = max(float(support.max()), 1e-9)
     changes, largest = smallest_changes(moment, turned, (cell, given_cell))
@@ -126,10 +128,6 @@ def _predicate(wanted: str, given: Twist, moment: DecisionMoment) -> Predicate:
         text = f"expected {speeds} and at most {grid.max_w:g} rad/s; got {wanted}"
         raise InputError(text, key="--why-not")
     return lambda t: abs(t.v - v) <= speed and abs(t.w - w) <= turn
-
-
-def _away(grid: Any, cell: tuple[int, int], twist: Twist) -> float:
-    return math.hypot(grid.v[cell[0]] - twist.v, grid.w[cell[1]] - twist.w)
 
 
 def _objections(
