@@ -263,11 +263,6 @@ def floor_pieces(world: WorldSpec) -> list[Rectangle]:
     return pieces
 
 
-def drop_at(world: WorldSpec, x: float, y: float) -> DropSpec | None:
-    """Return the drop that contains the point x, y [m, map]; None if there is none."""
-    return next((d for d in world.drops if d.x[0] < x < d.x[1] and d.y[0] < y < d.y[1]), None)
-
-
 def drop_under(world: WorldSpec, shape: Shape) -> DropSpec | None:
     """Return the drop that overlaps ``shape`` by more than the tolerance; None if there is none."""
     overlapping = (

@@ -115,10 +115,10 @@ def floor_patches(world: worldspec.WorldSpec) -> Iterator[SurfacePatch]:
         world.y[1] - corner[1], [y - corner[1] for area in areas for y in area[1]], _FLOOR_PATCH
     )
     for columns, rows in itertools.product(pairwise(all_columns), pairwise(all_rows)):
-        middle = corner[0] + 0.5 * sum(columns), corner[1] + 0.5 * sum(rows)
-        room = _room_at(world, *middle)
+        x, y = corner[0] + 0.5 * sum(columns), corner[1] + 0.5 * sum(rows)
+        room = _room_at(world, x, y)
         floor = (room and room.floor) or world.floor
-        if solids.drop_at(world, *middle) is None:
+        if not any(d.x[0] < x < d.x[1] and d.y[0] < y < d.y[1] for d in world.drops):
             yield _patch(floor, corner, ex, ey, columns, rows)
         ceiling = (room and room.ceiling) or world.ceiling
         if ceiling is not None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal
 
@@ -281,19 +281,14 @@ def _blanked(world: WorldSpec, change: Textureless) -> list[Solid]:
         shape: Shape | None = solid.shape
         if solid.kind in ("wall", "lintel") and isinstance(shape, Rectangle):
             shape = _stretch_within(shape, change.x, change.y)
-        elif shape is not None and not _inside((shape.x, shape.y), change):
+        elif not all(
+            span is None or span[0] <= value <= span[1]
+            for value, span in ((shape.x, change.x), (shape.y, change.y))
+        ):
             shape = None
         if shape is not None:
-            piece = Solid(solid.name, solid.kind, shape, solid.bottom, solid.top, solid.texture)
-            blanked.append(piece)
+            blanked.append(replace(solid, shape=shape, front=None))
     return blanked
-
-
-def _inside(point: tuple[float, float], change: Textureless) -> bool:
-    return all(
-        span is None or span[0] <= value <= span[1]
-        for value, span in zip(point, (change.x, change.y), strict=True)
-    )
 
 
 def _stretch_within(

@@ -189,7 +189,10 @@ def _add_side_doors(rng: np.random.Generator, network: CorridorNetwork, difficul
             )
             room = _room_behind(door, number + 1)
             # overlapping areas, or such as have less than two walls between them
-            apart = [_distance(room, area) for area in network.areas]
+            apart = [
+                max(room.x[0] - b.x[1], b.x[0] - room.x[1], room.y[0] - b.y[1], b.y[0] - room.y[1])
+                for b in network.areas
+            ]
             if door.is_open and any(a < -1e-9 or 1e-9 < a < 2 * WALL for a in apart):
                 continue
             network.doors.append(door)
@@ -205,11 +208,6 @@ def _room_behind(door: SideDoor, region: int) -> FloorArea:
     outward = round(low, 3), round(high, 3)
     across = round(along - width / 2, 3), round(along + width / 2, 3)
     return FloorArea(*by_axis(axis, outward, across), region)
-
-
-def _distance(a: FloorArea, b: FloorArea) -> float:
-    """Return the gap [m] between two areas along an axis; negative where they overlap."""
-    return max(a.x[0] - b.x[1], b.x[0] - a.x[1], a.y[0] - b.y[1], b.y[0] - a.y[1])
 
 
 def _shifted(network: CorridorNetwork) -> tuple[CorridorNetwork, tuple[float, float]]:

@@ -14,7 +14,7 @@ from navfw.interfaces import WorldFamily
 from navfw.missions.missionfile import goals_map
 from navfw.missions.missionspec import MissionSpec
 from navfw.sim.world_check import check_world
-from navfw.sim.worldspec import MAX_CONTRAST, Look, WorldSpec
+from navfw.sim.worldspec import MAX_CONTRAST, Look
 from navfw.worldgen.corridors import Corridors
 from navfw.worldgen.hard import Hard
 from navfw.worldgen.looks import LOOKS, with_contrast, with_look
@@ -112,8 +112,12 @@ def generate(
             shortest = _shortest_path(draft)
         except Unsuitable:
             continue
+        if contrast is not None:
+            world = with_contrast(world, contrast)
+        if look is not None:
+            world = with_look(world, look, seed)
         return GeneratedWorld(
-            world=_with_surfaces(world, contrast, look, seed),
+            world=world,
             missions={MISSION: _mission(draft, family, difficulty, shortest)},
             topo_map=draft.topo_map or goals_map([draft.start[:2], draft.goal]),
             shortest=shortest,
@@ -123,14 +127,6 @@ def generate(
         f"{family} with seed {seed} and difficulty {difficulty:g} gave no traversable world in"
         f" {_ATTEMPTS} attempts; choose another seed"
     )
-
-
-def _with_surfaces(
-    world: WorldSpec, contrast: float | None, look: Look | None, seed: int
-) -> WorldSpec:
-    if contrast is not None:
-        return with_contrast(world, contrast)
-    return world if look is None else with_look(world, look, seed)
 
 
 def _shortest_path(draft: WorldDraft) -> float:

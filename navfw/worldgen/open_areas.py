@@ -83,15 +83,11 @@ def _try_solid(draft: WorldDraft, gap: float, texture: str) -> None:
     else:
         half_x, half_y = rng.uniform(0.12, 0.5, 2)
         kind, shape = "box", Rectangle(x, y, half_x, half_y, rng.uniform(0.0, math.pi))
-    if _off_walls(draft, shape.bounds, gap) and draft.fits(shape, gap):
+    x0, y0, x1, y1 = shape.bounds
+    beside = [away - WALL for away in (x0, y0, draft.x[1] - x1, draft.y[1] - y1)]
+    # passable, or clearly impassable
+    if all(0.01 < d < 0.2 or d >= gap for d in beside) and draft.fits(shape, gap):
         draft.add(f"{kind}-{number}", shape, height, texture)
-
-
-def _off_walls(draft: WorldDraft, bounds: tuple[float, float, float, float], gap: float) -> bool:
-    """Whether each distance to a wall is passable, or clearly impassable (below 0.2 m)."""
-    x0, y0, x1, y1 = bounds
-    distances = (x0, y0, draft.x[1] - x1, draft.y[1] - y1)
-    return all(0.01 < d - WALL < 0.2 or d - WALL >= gap for d in distances)
 
 
 CELL = 0.15

@@ -243,8 +243,8 @@ class Roadmap:
         except nx.NetworkXNoPath:
             return math.inf
 
-    def central_point(self, low: Point, high: Point, away: float = 0.8) -> Point:
-        """A central point of a rectangle with a clearance of ``away`` [m], or the largest possible.
+    def central_point(self, low: Point, high: Point) -> Point:
+        """A central point of a rectangle with a clearance of 0.8 m, or the largest possible.
 
         Raises:
             Unsuitable: no point is free for a robot.
@@ -255,7 +255,7 @@ class Roadmap:
         points = np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
         free = self.plan.clearances(points)
         off = np.linalg.norm(points - (0.5 * (x0 + x1), 0.5 * (y0 + y1)), axis=1)
-        best = int(np.argmax(np.minimum(free, away) - 0.1 * off))
+        best = int(np.argmax(np.minimum(free, 0.8) - 0.1 * off))
         if free[best] < _CLEARANCES[-1]:
             raise Unsuitable("a room without a free point")
         return float(points[best, 0]), float(points[best, 1])
