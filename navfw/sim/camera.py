@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import cv2
 import numpy as np
@@ -15,7 +14,6 @@ from navfw.robot import CameraModel
 from navfw.robot.urdf_model import quaternion_matrix
 from navfw.sim.raster import Light, RenderRequest, depth_buffer
 from navfw.sim.scenery import Scenery
-from navfw.sim.visibility import field_of_view
 from navfw.sim.worldspec import LightSpec
 
 NEAR, FAR = 0.03, 40.0
@@ -27,9 +25,6 @@ Turn = tuple[float, float, float, float]
 
 _NOISE_BANK = 1 << 20
 """Size of the noise that is drawn once [bytes]; every frame uses a random section of it."""
-_KEPT_BANKS = 4
-"""Number of noise banks kept, 2 MB each: runs with the same seed share one."""
-_known_banks: dict[str, tuple[tuple[Image, Image], Any]] = {}
 _MAX_VIEW = 2.8
 """Largest horizontal field of view with a fault [rad]: a pinhole image ends at pi."""
 _RIGHT_UP_BACK = np.array([[1.0], [-1.0], [-1.0]])
@@ -93,9 +88,6 @@ class Camera:
         hfov = min(self.model.hfov * (1.0 + hfov_error), _MAX_VIEW)
         true = self.model.model_copy(update={"hfov": hfov})
         self._projection = _projection_matrix(true, self._supersample)
-        # half the image's size in focal lengths, with a margin of one pixel
-        right, down = 0.5 * true.width + 1.0, 0.5 * true.height + 1.0
-        self._half_size = right / true.focal, down / true.focal
 
     def render(self, position: Place, turn: Turn) -> tuple[Image, npt.NDArray[np.float32]]:
         """Render luminance (height, width) without noise, and raw depth for ``depth`` to convert.
@@ -110,18 +102,13 @@ class Camera:
             )
         return grey.astype(np.uint8, copy=False), depth
 
-    def raw_depth(self, position: Place, turn: Turn) -> npt.NDArray[np.float32]:
-        """Render only the raw depth of ``render``."""
-        return self._scenery.raster.depth(self.request(position, turn))
-
     def request(self, position: Place, turn: Turn) -> RenderRequest:
-        """Make the render request for a pose, and select the parts of the scenery in view."""
+        """Make the render request for a pose of base_link."""
         return self.request_at(*self.camera_pose(position, turn))
 
     def request_at(self, eye: Array, axes: Array) -> RenderRequest:
         """Make the request for a camera at ``eye`` (3,) [m] with ``axes`` as of ``camera_pose``."""
         scale = self._supersample
-        self._scenery.update_visible(eye, *field_of_view(axes, *self._half_size))
         size = (self.model.width * scale, self.model.height * scale)
         return RenderRequest(_view(eye, axes), self._projection, eye, size, self._light)
 
@@ -164,15 +151,8 @@ class Camera:
 
 def _noise_banks(rng: np.random.Generator, noise: float) -> tuple[Image, Image]:
     """Positive and negative part of noise [grey levels], apart: saturated bytes are fast."""
-    key = f"{noise} {rng.bit_generator.state}"
-    if key not in _known_banks:
-        if len(_known_banks) == _KEPT_BANKS:
-            del _known_banks[next(iter(_known_banks))]
-        drawn = np.rint(rng.standard_normal(_NOISE_BANK, dtype=np.float32) * noise)
-        parts = np.clip(drawn, 0, 127).astype(np.uint8), np.clip(-drawn, 0, 127).astype(np.uint8)
-        _known_banks[key] = parts, rng.bit_generator.state
-    banks, rng.bit_generator.state = _known_banks[key]
-    return banks
+    drawn = np.rint(rng.standard_normal(_NOISE_BANK, dtype=np.float32) * noise)
+    return np.clip(drawn, 0, 127).astype(np.uint8), np.clip(-drawn, 0, 127).astype(np.uint8)
 
 
 def _view(eye: Array, axes: Array) -> Array:

@@ -371,7 +371,7 @@ class CameraRig:
     def true_depth(self) -> DepthImage:
         """See ``Simulation.true_depth``."""
         if self._noise is not None:
-            return self._coarse.depth(self._coarse.raw_depth(*self._captured[-1][1]))
+            return self._coarse.depth(self._coarse.render(*self._captured[-1][1])[1])
         if self._raw_depth is None:
             raise SimulationError("no frame has been captured yet")
         return self.camera.depth(self._raw_depth)

@@ -49,7 +49,7 @@ class ChaseView:
             self._scenery.add_solid(door)
         self._tall = [solid.shape for solid in solids if solid.bottom < _HEIGHT < solid.top]
         self._walkers = [(self._scenery.add_walker(w), 0.5 * w.height) for w in world.movers]
-        self._robot = [self._scenery.add_moving(part) for part in _parts(robot)]
+        self._robot = [self._scenery.add_solid(part, moves=True) for part in _parts(robot)]
         model = CameraModel(width=fine * size[0], height=fine * size[1], hfov=_HFOV)
         rng = np.random.default_rng(0)  # without noise nothing is drawn
         self._camera = Camera(model, world.light, self._scenery, rng)

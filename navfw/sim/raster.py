@@ -17,7 +17,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from navfw.numerics import Array, Image, Mask
+from navfw.numerics import Array, Image
 from navfw.numerics.arrays import Bytes, Floats, Indices, Int32s
 from navfw.numerics.products import product
 from navfw.sim.raster_kernels import cover
@@ -206,8 +206,6 @@ class Raster:
 
     def __init__(self) -> None:
         self._bodies: dict[int, _Body] = {}
-        self._shown: Mask | None = None
-        self._hidden: set[int] = set()
         self._images: list[Image] = []
         self._packed: _PackedBodies | None = None
         self._texels: tuple[npt.NDArray[np.int64], Image] | None = None
@@ -223,7 +221,7 @@ class Raster:
         """Add a body at the origin of ``map``; ``place`` moves it. Return its id."""
         at_origin = _model((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
         self._bodies[self._next] = _Body(mesh.arrays, texture, at_origin)
-        self._packed = self._shown = None
+        self._packed = None
         self._next += 1
         return self._next - 1
 
@@ -240,13 +238,7 @@ class Raster:
     def remove(self, body: int) -> None:
         """Remove a body."""
         del self._bodies[body]
-        self._hidden.discard(body)
-        self._packed = self._shown = None
-
-    def hide(self, bodies: Sequence[int]) -> None:
-        """Set the bodies that are not drawn; all others are."""
-        self._hidden = set(bodies)
-        self._shown = None
+        self._packed = None
 
     def draw(self, request: RenderRequest) -> tuple[Image, Floats]:
         """Draw an image (height, width, 3), RGB, and its negative clip depth (height, width)."""
@@ -268,18 +260,11 @@ class Raster:
         )
         return rgb, nearest[::-1]
 
-    def depth(self, request: RenderRequest) -> Floats:
-        """Compute only the depth (height, width) of ``draw``."""
-        return self._covered(request)[1][::-1]
-
     def _covered(
         self, request: RenderRequest
     ) -> tuple[_PackedBodies, Floats, npt.NDArray[np.int32], Floats]:
         """The bodies; of each pixel, bottom row first, depth, triangle, weights of its corners."""
         packed = self._pack()
-        if self._shown is None:
-            shown = [body not in self._hidden for body in self._bodies]
-            self._shown = np.array(shown, np.bool_)
         width, height = request.size
         nearest = np.empty((height, width), np.float32)
         faces = np.empty((height, width), np.int32)
@@ -288,7 +273,6 @@ class Raster:
             packed.points,
             packed.corners,
             packed.runs,
-            self._shown,
             packed.models,
             _singles(request.view),
             _singles(request.projection),

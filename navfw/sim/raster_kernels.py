@@ -12,7 +12,7 @@ import math
 import numba
 import numpy as np
 
-from navfw.numerics.arrays import Array, Floats, Int32s, Mask
+from navfw.numerics.arrays import Array, Floats, Int32s
 
 _ZERO, _ONE, _HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 _MIN_DOUBLE_AREA = 1e-2
@@ -180,7 +180,6 @@ def cover(
     points: Floats,
     corners: Int32s,
     runs: Int32s,
-    shown: Mask,
     models: Floats,
     view: Floats,
     projection: Floats,
@@ -196,7 +195,6 @@ def cover(
         points: (N, 3) vertices of all bodies, in their own axes [m].
         corners: (M, 3) vertices of every triangle, counter-clockwise from its front.
         runs: (bodies, 4) first vertex, one past the last, first triangle, one past the last.
-        shown: (bodies,) whether a body is drawn.
         models: (bodies, 4, 4) transforms from their axes to the map.
         view: (4, 4) transform from the map to the camera's axes (right, up, back).
         projection: (4, 4) transform to clip coordinates.
@@ -217,8 +215,6 @@ def cover(
         most = max(most, runs[body, 1] - runs[body, 0])
     clip, near_eye = np.empty((most, 4), np.float32), np.empty(3)
     for body in range(runs.shape[0]):
-        if not shown[body]:
-            continue
         first = runs[body, 0]
         matrix = combine(projection, combine(view, models[body]))
         _transform(matrix, points[first : runs[body, 1]], clip)

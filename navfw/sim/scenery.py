@@ -1,4 +1,4 @@
-"""The visual model of a world: textured meshes in parts, of which the visible ones are drawn.
+"""The visual model of a world: textured meshes.
 
 The meshes are in a rasteriser, apart from the physics: there they would make every step slower,
 here their number costs nothing. A display window shows them as well.
@@ -11,13 +11,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from navfw.features.landmark_appearance import plate_image
-from navfw.numerics import Array, Image
-from navfw.signals import Pose
+from navfw.numerics import Image
 from navfw.sim import textures
 from navfw.sim.engine import Display
 from navfw.sim.furniture_meshes import furniture_mesh
 from navfw.sim.raster import Raster
-from navfw.sim.shapes import Rectangle
 from navfw.sim.soft_light import SoftLight
 from navfw.sim.solids import Solid, solids_of
 from navfw.sim.surface_patches import (
@@ -26,7 +24,6 @@ from navfw.sim.surface_patches import (
     drop_patches,
     floor_patches,
     merged_parts,
-    plate_bounds,
     plate_mesh,
     solid_mesh,
     solid_patches,
@@ -34,77 +31,51 @@ from navfw.sim.surface_patches import (
     wall_patches,
 )
 from navfw.sim.textured_mesh import TexturedMesh, cylinder_mesh, triangle_mesh
-from navfw.sim.visibility import PartBounds, Visibility
 from navfw.sim.worldspec import TextureSpec, WalkerSpec, WorldSpec
 
 _KEPT_WORLDS = 8
 """Number of worlds whose surfaces are kept, up to 5 MB each."""
-_Parts = tuple[tuple[str, TexturedMesh, PartBounds], ...]
+_Parts = tuple[tuple[str, TexturedMesh], ...]
 _known_surfaces: dict[str, _Parts] = {}
 _COVER_DISTANCE = 0.003
 """Distance [m] of a textureless cover from the surface that it hides."""
 
 
 class Scenery:
-    """The visible bodies of a world, in ``raster`` and, if given, in ``display``.
+    """The visible bodies of a world, in ``raster`` and, if given, in ``display``."""
 
-    With ``cull`` False, parts out of view are drawn as well, as in the display.
-    """
-
-    def __init__(self, world: WorldSpec, display: Display | None = None, cull: bool = True) -> None:
+    def __init__(self, world: WorldSpec, display: Display | None = None) -> None:
         self.world = world
         self.raster = Raster()
         self._display = display
         self._displayed: dict[int, int] = {}
-        self._cull = cull
         self._textures: dict[str, int] = {}
         self._periods: dict[int, tuple[float, float]] = {}
         self._images: list[Image] = []
         self._light = SoftLight(world)
-        self._bodies: list[int] = []
-        bounds: list[PartBounds] = []
         # roughly front to back: surfaces drawn later are then seldom visible, and not shaded
         for mark in world.landmarks:
             grey = plate_image(mark.kind, mark.id)
             plate = self._load_image(np.repeat(grey[..., None], 3, axis=2))
-            self._bodies.append(self._add(self._light.lit(plate_mesh(mark)), plate))
-            bounds.append(plate_bounds(mark))
+            self._add(self._light.lit(plate_mesh(mark)), plate)
         for thing in world.meshes:
             triangles = furniture_mesh(thing.file, thing.scale, thing.up)
             visible = triangle_mesh(triangles.corners, texture_shift(thing.name))
             placed = visible.placed((*thing.at, thing.base), thing.yaw)
-            self._bodies.append(self._add(self._light.lit(placed), thing.texture))
-            points = Pose(*thing.at, thing.yaw).points_to_parent(triangles.vertices[:, :2])
-            bounds.append(PartBounds.around(points))
-        for texture, mesh, part_bounds in _surfaces(world, self._light):
-            self._bodies.append(self._add(mesh, texture))
-            bounds.append(part_bounds)
-        self._visibility = _visibility(world, bounds)
-        self._visible = np.ones(len(bounds), np.bool_)
+            self._add(self._light.lit(placed), thing.texture)
+        for texture, mesh in _surfaces(world, self._light):
+            self._add(mesh, texture)
 
-    def update_visible(self, eye: Array, middle: float, half: float) -> None:
-        """Select the parts that are drawn from ``eye`` (3,) [m, ``map``].
+    def add_solid(self, solid: Solid, *, moves: bool = False) -> int:
+        """Add a solid as a body; a ``front`` texture covers all its sides. Return the body.
 
-        The field of view extends ``half`` [rad] to both sides of the bearing ``middle`` [rad].
+        If it ``moves``, it is around the origin, to be moved by ``place``.
         """
-        if not self._cull:
-            return
-        visible = self._visibility.visible(eye, middle, half)
-        if (visible != self._visible).any():
-            self.raster.hide([self._bodies[i] for i in np.flatnonzero(~visible)])
-            self._visible = visible
-
-    def add_solid(self, solid: Solid) -> int:
-        """Add a solid as a body; a ``front`` texture covers all its sides. Return the body."""
         mesh, texture = solid_mesh(solid), solid.texture
         if solid.front:
             mesh, texture = mesh.stretched(), f"{STRETCHED}{solid.front}"
-        return self._add(self._light.lit(mesh.placed(solid.centre, solid.shape.yaw)), texture)
-
-    def add_moving(self, solid: Solid) -> int:
-        """Add a solid around the origin, to be moved by ``place``; return the body."""
-        mesh = solid_mesh(solid).placed(solid.centre, solid.shape.yaw)
-        return self._add(self._light.lit(mesh, alone=True), solid.texture)
+        placed = mesh.placed(solid.centre, solid.shape.yaw)
+        return self._add(self._light.lit(placed, alone=moves), texture)
 
     def add_walker(self, walker: WalkerSpec) -> int:
         """Add a walker's cylinder at the origin, to be moved by ``place``; return the body."""
@@ -168,7 +139,7 @@ class Scenery:
 
 
 def _surfaces(world: WorldSpec, light: SoftLight) -> _Parts:
-    """Walls, floor, drops and furniture, merged by texture and area, in the world's light.
+    """Walls, furniture, floor and drops, merged by texture and area, in the world's light.
 
     Kept for the next runs in an equal world: making them takes half of a run's set-up.
     """
@@ -183,18 +154,5 @@ def _surfaces(world: WorldSpec, light: SoftLight) -> _Parts:
             elif solid.kind in ("wall", "lintel"):
                 patches += wall_patches(world, solid)
         parts = merged_parts([*patches, *floor_patches(world), *drop_patches(world)])
-        _known_surfaces[key] = tuple((name, light.lit(mesh), at) for name, mesh, at in parts)
+        _known_surfaces[key] = tuple((name, light.lit(mesh)) for name, mesh in parts)
     return _known_surfaces[key]
-
-
-def _visibility(world: WorldSpec, bounds: Sequence[PartBounds]) -> Visibility:
-    """Visibility with the walls that nothing overtops as occluders."""
-    solids = solids_of(world)
-    walls, walkers = (wall.height for wall in world.walls), (m.height for m in world.movers)
-    highest = max([0.0, *walls, *walkers, *(solid.top for solid in solids)])
-    occluders = [
-        solid.shape
-        for solid in solids
-        if solid.kind == "wall" and solid.top >= highest and isinstance(solid.shape, Rectangle)
-    ]
-    return Visibility(occluders, highest, bounds)

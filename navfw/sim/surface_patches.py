@@ -1,4 +1,4 @@
-"""Surfaces of a world as textured patches, and their grouping into the parts that are culled.
+"""Surfaces of a world as textured patches, and their grouping into parts of one light.
 
 Walls may have skirting boards and door frames; landmarks are plates on walls.
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 import math
 import zlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
@@ -29,7 +29,6 @@ from navfw.sim.textured_mesh import (
     side_count,
     split_positions,
 )
-from navfw.sim.visibility import PartBounds
 
 STRETCHED = "stretched "
 """Prefix of the name of a texture that is stretched over each patch."""
@@ -51,14 +50,6 @@ def plate_mesh(mark: worldspec.LandmarkPlateSpec) -> TexturedMesh:
     ).stretched()
 
 
-def plate_bounds(mark: worldspec.LandmarkPlateSpec) -> PartBounds:
-    """Return the plate's bounds in the plane, and the plane in front of which it is visible."""
-    _, normal = plate_axes(mark)
-    points = np.array(plate_mesh(mark).vertices)
-    plane = (float(normal[0]), float(normal[1]), 0.0, float(product(points[0], normal)))
-    return PartBounds.around(points, mark.yaw + 0.5 * math.pi, plane)
-
-
 def plate_axes(mark: worldspec.LandmarkPlateSpec) -> tuple[Array, Array]:
     """Unit vectors (3,) in ``map``: to the image's right as seen from in front, and the normal."""
     c, s = math.cos(mark.yaw), math.sin(mark.yaw)
@@ -70,7 +61,7 @@ _PROUD = 0.01
 _REVEAL = 0.005
 """Distance [m] by which door frames reach into the opening, so that no two faces are coplanar."""
 _MAX_PARTS = 320
-"""Largest number of parts: with more, the visibility test costs more than culling saves."""
+"""Largest number of parts, each of which is lit by the solids near it."""
 _GROUPINGS = (
     *((by_plane, edge) for by_plane in (True, False) for edge in (4.0, 8.0, 16.0)),
     (False, math.inf),
@@ -79,8 +70,6 @@ _GROUPINGS = (
 parts to few: the first one with few enough parts is used."""
 _NARROW = 0.4
 """Faces narrower than this [m] are grouped with others regardless of their plane."""
-_PLANE_MARGIN = 1e-5
-"""Distance [m] behind a part's plane at which it still counts as visible, for rounding."""
 _FLOOR_PATCH = 1.0
 """Largest edge of a patch of the floor [m]: large ones near the camera are slow to draw."""
 _NO_SHIFT = np.zeros(2)
@@ -263,7 +252,7 @@ def texture_shift(name: str) -> Array:
 # --- grouping ---------------------------------------------------------------------------------
 
 
-def merged_parts(patches: Sequence[SurfacePatch]) -> Iterable[tuple[str, TexturedMesh, PartBounds]]:
+def merged_parts(patches: Sequence[SurfacePatch]) -> Iterator[tuple[str, TexturedMesh]]:
     """Merge patches of one texture: by plane if that gives few enough parts, else by area."""
     for by_plane, edge in _GROUPINGS:
         parts: dict[tuple[object, ...], list[SurfacePatch]] = {}
@@ -275,30 +264,17 @@ def merged_parts(patches: Sequence[SurfacePatch]) -> Iterable[tuple[str, Texture
         mesh = TexturedMesh()
         for patch in group:
             mesh.append(patch.mesh)
-        planes = {_rounded(patch.plane) for patch in group}
-        plane = group[0].plane if len(planes) == 1 else None
-        direction = 0.0
-        if plane is not None:
-            direction = math.atan2(plane[0], -plane[1]) if abs(plane[2]) < 0.5 else 0.0
-            plane = (*plane[:3], plane[3] - _PLANE_MARGIN)
-        yield (
-            group[0].texture,
-            mesh,
-            PartBounds.around(np.array(mesh.vertices), direction, plane),
-        )
+        yield group[0].texture, mesh
 
 
 def _part_key(patch: SurfacePatch, by_plane: bool, edge: float) -> tuple[object, ...]:
     """What the patches of one part have in common; ``edge`` [m] is that of the squares."""
     plane = patch.plane if by_plane else None
     if plane is not None and plane[2] > 0.5 and plane[3] > 0.0:
-        return ("top",)  # tops of walls are never visible to the robot
+        return ("top",)
     vertices = np.array(patch.mesh.vertices)[:, :2]
     if np.ptp(vertices, axis=0).max() < _NARROW:
         plane = None
     x, y = np.mean(vertices, axis=0).tolist()
-    return _rounded(plane), math.floor(x / edge), math.floor(y / edge)
-
-
-def _rounded(plane: Plane | None) -> tuple[float, ...] | None:
-    return None if plane is None else tuple(round(value, 6) + 0.0 for value in plane)
+    rounded = None if plane is None else tuple(round(value, 6) + 0.0 for value in plane)
+    return rounded, math.floor(x / edge), math.floor(y / edge)
