@@ -5,17 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from mcap_rewriting import rewrite
 
 from navfw.errors import InputError
 from navfw.missions import MissionResult
 from navfw.mofis.rules import BehaviorRules, RuledBehavior
-from navfw.recording.channel_list import DECISION, DECISION_NAME
-from navfw.recording.decision_message import _parts
+from navfw.recording.channel_list import DECISION
 from navfw.recording.recorded_decisions import RecordedDecisions, moment_at
-from navfw.recording.ros_messages import ros_message
 from navfw.recording.run_folder import RECORDING
 
 
@@ -100,19 +96,6 @@ def of_folder(folder: Path) -> object:
         return folder / shipped.name if (folder / shipped.name).exists() else shipped
 
     return staticmethod(file_beside)
-
-
-@given(text=st.text(max_size=20), count=st.integers(0, 5), cells=st.integers(0, 9))
-def test_the_parts_of_a_message_are_read_as_ros_wrote_them(
-    text: str, count: int, cells: int
-) -> None:
-    text = text.replace("\0", "")
-    numbers, labels = np.arange(count) / 7.0, np.arange(cells, dtype=np.uint8)
-    fields = {"values": text, "numbers": numbers, "labels": labels}
-    said, read, seen = _parts(ros_message(DECISION_NAME, fields))
-    assert said == text
-    np.testing.assert_array_equal(read, numbers)
-    np.testing.assert_array_equal(seen, labels)
 
 
 def test_what_a_decision_lacks_is_not_taken_for_nothing(decisions: RecordedDecisions) -> None:
