@@ -82,10 +82,11 @@ def as_data(result: PairResult) -> dict[str, Any]:
             name: {
                 "term": strongest_term(degrees),
                 **{term: _n(degree) for term, degree in degrees.items()},
-                "distance_m": _metres(regions[name]["nearest"]) if scale.metric else None,
+                "distance_m": _n(1.0 / near) if scale.metric and near > 0.02 else None,
                 "ttc_s": _n(result.quadrant_contact[name]),
             }
             for name, degrees in percept.quadrants.items()
+            for near in (regions[name]["nearest"],)
         },
         # "open", an entry of Table 1 or an elementary situation
         "situation": front if front in (*TABLE, *ELEMENTARY, "open") else "unknown",
@@ -144,10 +145,6 @@ def _heading(result: PairResult) -> dict[str, Any]:
         "elevation_deg": _n(math.degrees(elevation)) if has_heading else None,
         "sigma_deg": _n(math.degrees(egomotion.heading_sigma)),
     }
-
-
-def _metres(nearness: float) -> float | None:
-    return _n(1.0 / nearness) if nearness > 0.02 else None
 
 
 def _n(value: float) -> float | None:

@@ -53,12 +53,6 @@ def message_types(*, ros1: bool = False) -> Typestore:
     return store
 
 
-@cache
-def schema_text(kind: str) -> str:
-    """Return the definition of messages of ``kind``, with those of the types it contains."""
-    return message_types().generate_msgdef(kind, ros_version=2)[0]
-
-
 def ros_message(kind: str, fields: Mapping[str, Any], now: int | None = None) -> bytes:
     """Encode a message of ``kind`` in CDR; fields missing in ``fields`` are zero or empty.
 

@@ -24,6 +24,7 @@ from navfw.recording.channel_list import SeenRun
 from navfw.recording.decision_message import encoded_decision
 from navfw.recording.recorded_rules import rule_bases
 from navfw.recording.run_folder import plain_json
+from navfw.recording.top_view import MOVER, Disc
 from navfw.signals import Command, Percept, Pose, SensorReading, Twist
 from navfw.stack.stack_state import StackState
 
@@ -156,10 +157,13 @@ def _views(
             yield topics.LOCAL_GOAL, partial(messages.pose_in_message, "base_link", goal, stamp)
     yield topics.OBSTACLES, partial(messages.obstacles_message, tracks, now, stamp)
     if movers := seen.movers():
-        yield topics.TRUE_OBSTACLES, partial(messages.movers_message, movers, stamp)
+        discs = [Disc(*disc, MOVER) for disc in movers]
+        scene = partial(messages.scene_message, discs, "map", "movers", stamp)
+        yield topics.TRUE_OBSTACLES, scene
     yield topics.LOG, partial(_line, state, log_time)
     yield topics.RULE_BASES, partial(rule_bases, stack.mofis)
-    yield topics.WORLD, partial(messages.world_message, seen.outline, stamp)
+    shapes = seen.outline.shapes()
+    yield topics.WORLD, partial(messages.scene_message, shapes, "map", "world", stamp)
     if grid.located:
         yield topics.LOCAL_MAP, partial(messages.local_map_message, grid, stamp)
     if command is not None:
@@ -185,7 +189,8 @@ def channel_schema(info: topics.Topic) -> tuple[str, Schema]:
     if namespace == "foxglove":
         return "protobuf", getattr(typed, name).get_schema()
     if "/msg/" in info.schema:
-        text = topics.SCHEMA if info == topics.READING else ros.schema_text(info.schema)
+        text, _ = ros.message_types().generate_msgdef(info.schema, ros_version=2)
+        text = topics.SCHEMA if info == topics.READING else text
         return "cdr", Schema(name=info.schema, encoding="ros2msg", data=text.encode())
     data = json.dumps(json_schemas()[info.schema]).encode()
     return "json", Schema(name=info.schema, encoding="jsonschema", data=data)

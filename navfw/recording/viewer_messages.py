@@ -18,7 +18,7 @@ from navfw.movers.tracking import Track
 from navfw.numerics import Array
 from navfw.recording import palette
 from navfw.recording.ros_messages import in_space
-from navfw.recording.top_view import MOVER, Area, Disc, Line, Shape, WorldOutline, mover_shapes
+from navfw.recording.top_view import Area, Disc, Line, Shape, mover_shapes
 from navfw.robot import CameraModel
 from navfw.signals import Belief, FlowField, Label, Percept, Pose, Proposal, Twist, Waypoint
 
@@ -140,22 +140,12 @@ def obstacles_message(tracks: Sequence[Track], time: float, stamp: Timestamp) ->
         at = np.array(track.predict(time))
         ends = np.array([at, at + track.velocity])
         shapes += mover_shapes(ends, (at[0], at[1]), track.radius, opacity=0.8)
-    return _scene(shapes, "odom", "moving", stamp)
+    return scene_message(shapes, "odom", "moving", stamp)
 
 
-def movers_message(
-    discs: Sequence[tuple[float, float, float]], stamp: Timestamp
+def scene_message(
+    shapes: Iterable[Shape], frame: str, name: str, stamp: Timestamp
 ) -> fox.SceneUpdate:
-    """Draw the simulator's moving obstacles in ``map``: ``discs`` (x, y, radius) [m]."""
-    return _scene([Disc(*disc, MOVER) for disc in discs], "map", "movers", stamp)
-
-
-def world_message(outline: WorldOutline, stamp: Timestamp) -> fox.SceneUpdate:
-    """Draw the world in ``map``: walls and furniture as cubes, round things as cylinders."""
-    return _scene(outline.shapes(), "map", "world", stamp)
-
-
-def _scene(shapes: Iterable[Shape], frame: str, name: str, stamp: Timestamp) -> fox.SceneUpdate:
     """Draw rectangles as cubes, discs as cylinders, lines just above the floor."""
     cubes, cylinders, lines = [], [], []
     for shape in shapes:

@@ -129,7 +129,7 @@ def run_events(timeline: RunTimeline, story: Sequence[StoryLine]) -> list[StoryL
 
 
 def _outline(scene: Any) -> WorldOutline:
-    """Return the world of ``viewer_messages.world_message`` from above."""
+    """Return the world in a message of ``/world`` from above."""
     entity = scene.entities[0]
     boxes = [(cube.size.z, _corners(cube)) for cube in entity.cubes]
     tall = max((height for height, _ in boxes), default=0.0)

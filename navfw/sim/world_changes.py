@@ -283,7 +283,7 @@ def _blanked(world: WorldSpec, change: Textureless) -> list[Solid]:
             shape = _stretch_within(shape, change.x, change.y)
         elif not all(
             span is None or span[0] <= value <= span[1]
-            for value, span in ((shape.x, change.x), (shape.y, change.y))
+            for value, span in ((solid.shape.x, change.x), (solid.shape.y, change.y))
         ):
             shape = None
         if shape is not None:
