@@ -1,12 +1,14 @@
 """The problems of a class as a plugin, and their messages."""
 
 import re
+import sys
 import textwrap
 from linecache import getline
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 import pytest
+from processes import run
 from pydantic import Field
 
 from navfw.errors import PluginError
@@ -210,3 +212,12 @@ def test_required_parameters_are_allowed() -> None:
 
     thing = type("Thing", (Good,), {"__doc__": "T.", "name": "thing", "Params": Params_})
     assert find_problems(thing) == []
+
+
+def test_docstrings_are_not_asked_for_where_python_removes_them() -> None:
+    code = (
+        "from navfw.locom.unicycle import Unicycle; from navfw.plugins.verification import verify;"
+        " print(Unicycle.__doc__); verify(Unicycle)"
+    )
+    done = run([sys.executable, "-OO", "-c", code])
+    assert (done.stdout, done.stderr) == ("None\n", "")
