@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 Checked = dict[str, Any]
 PLUGIN_FOLDERS = ("behaviors", "plugins")
 _SUFFIXES = {".yaml", ".yml"}
-_TRIED = ("behavior", "composite")
-"""Kinds of plugins that are called in scenes."""
 
 
 def check(
@@ -113,34 +111,35 @@ def _checked(paths: list[Path]) -> Iterator[Checked]:
     for folder in sources:
         registry.discover_folder(folder)
     rows = [row for row in registry.listing() if real_path(row["source"]) in plugins]
-    elsewhere = _answers_elsewhere(sources, rows, registry)
+    tried = [row for row in rows if row["error"] is None and _can_be_tried(row, registry)]
+    elsewhere = _answers_elsewhere(sources, tried)
     for row in rows:
-        error = row["error"] or _tried(row, registry, elsewhere.get(row["name"]))
+        error = row["error"]
+        if row in tried:
+            error = _tried(row, registry, elsewhere.get(row["name"]))
         yield {key: row[key] for key in ("name", "kind", "source", "notes")} | {"error": error}
     for file in (*files, *(file for folder in folders for file in data_files(folder))):
         if file.suffix != ".py":
             yield _check_data_file(file, registry)
 
 
-def _needs_parameters(row: Checked, registry: Registry) -> bool:
-    """Whether a stack has to give parameters of a plugin, so that it cannot be tried by itself."""
+def _can_be_tried(row: Checked, registry: Registry) -> bool:
+    """Whether a plugin is called in scenes, and needs no parameters that a stack has to give."""
+    if row["kind"] not in {"behavior", "composite"}:
+        return False
     cls = registry.get(row["kind"], row["name"])
-    return any(info.is_required() for info in cls.Params.model_fields.values())
+    return not any(info.is_required() for info in cls.Params.model_fields.values())
 
 
-def _answers_elsewhere(
-    folders: list[Path], rows: list[Checked], registry: Registry
-) -> dict[str, Answers]:
-    """What the sound behaviours and composites answer in another process, by name."""
+def _answers_elsewhere(folders: list[Path], tried: list[Checked]) -> dict[str, Answers]:
+    """What the plugins that are ``tried`` answer in another process, by name."""
+    if not tried:
+        return {}
     from navfw.testing.behavior_check import answers_elsewhere
 
-    tried = [row for row in rows if row["error"] is None and row["kind"] in _TRIED]
-    tried = [row for row in tried if not _needs_parameters(row, registry)]
-    if tried:
-        compile_with_progress(loaded=True)
+    compile_with_progress(loaded=True)
     try:
-        plugins = [(row["kind"], row["name"]) for row in tried]
-        answers = answers_elsewhere(folders, plugins) if tried else []
+        answers = answers_elsewhere(folders, [(row["kind"], row["name"]) for row in tried])
     except OSError as error:
         for row in tried:
             row["notes"].append(f"{row['name']} was not tried in another process: {error}")
@@ -152,8 +151,6 @@ def _tried(row: Checked, registry: Registry, elsewhere: Answers | None) -> str |
     """What is wrong with the answers of a behaviour or composite; None for nothing."""
     from navfw.testing import check_behavior, check_composite
 
-    if row["kind"] not in _TRIED or _needs_parameters(row, registry):
-        return None
     cls: Any = registry.get(row["kind"], row["name"])
     try:
         if row["kind"] == "behavior":

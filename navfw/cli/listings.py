@@ -66,9 +66,7 @@ for _kind in FILE_KINDS.values():
 
 @group.command()
 def plugins(
-    kind: str | None = option(
-        None, "List only this kind, with parameters: behavior, flow, ...", "--kind"
-    ),
+    kind: str | None = option(None, "List only this kind, with parameters: behavior, flow, ..."),
     parameters: bool = option(
         False, "List parameters, and verify navfw's own plugins.", "--parameters"
     ),

@@ -54,7 +54,7 @@ class ReplayOptions:
         None, "For a bag: name or file of a map [default: the path driven].", "--map"
     )
     goal: list[str] | None = option(
-        None, "For a bag: a place of --map to drive to. May be repeated.", "--goal"
+        None, "For a bag: a place of --map to drive to. May be repeated."
     )
     start: str | None = option(
         None, "For a bag: start on --map [m, rad] [default: unknown].", metavar="X,Y,YAW"

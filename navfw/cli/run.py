@@ -71,9 +71,7 @@ class RunOptions:
     force: bool = option(False, "Let --out-map and --keep-map replace an earlier map.", "--force")
     seed: int = option(0, "Seed of all noise; the same one gives the same commands.", min=0)
     stack: str | None = option(
-        None,
-        "Name or file of a stack [default: that of the mission, or default].",
-        kind="stack",
+        None, "Name or file of a stack [default: that of the mission, or default].", kind="stack"
     )
     robot: options.Robot = None
     xacro_arg: list[str] | None = option(
@@ -97,11 +95,10 @@ class RunOptions:
         None,
         "With --live: an origin whose pages may read, such as https://app.foxglove.dev, if they"
         " have the address. May be repeated.",
-        "--origin",
         metavar="ORIGIN",
     )
     speed: float | None = option(
-        None, "With --live: top speed; 1 is real time [default: no limit].", "--speed"
+        None, "With --live: top speed; 1 is real time [default: no limit]."
     )
     wait: bool = option(False, "With --live: begin with the first viewer.", "--wait")
     stay: bool = option(False, "With --live: serve the end until Ctrl-C.", "--stay")

@@ -72,7 +72,7 @@ class SuiteOptions:
     worlds: Path | None = option(None, "Folder of worlds, instead of those of the suite.")
     variant: list[str] | None = option(None, "Run only this variant of the suite. May be repeated.")
     keep: Keep = option("failed", "Runs whose trajectory picture is kept.")
-    record: Keep = option("none", "Runs whose recording is kept, for a report.", "--record")
+    record: Keep = option("none", "Runs whose recording is kept, for a report.")
     limit: Limit = 900.0
     memory: Memory = 2000.0
     engine: EngineName = "processes"

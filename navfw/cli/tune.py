@@ -33,7 +33,7 @@ def tune(
         None, "PLUGIN or PLUGIN.INPUT whose break points to tune. May be repeated."
     ),
     variant: list[str] | None = option(
-        None, "Values to choose from. May be repeated.", "--variant", metavar="PATH=A|B"
+        None, "Values to choose from. May be repeated.", metavar="PATH=A|B"
     ),
     minutes: float = option(math.inf, "Begin no trial after this time [min].", min=0.1),
     objective: list[str] | None = option(

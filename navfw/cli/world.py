@@ -73,9 +73,7 @@ def show(
         None, "Draw what the camera sees there instead [m, rad].", metavar="X,Y,YAW"
     ),
     robot: str = option(
-        "default",
-        "With --at: name or file of the robot with the camera.",
-        kind="robot",
+        "default", "With --at: name or file of the robot with the camera.", kind="robot"
     ),
     out: Path | None = option(
         None, "PNG file to write [default: WORLD-plan.png, or WORLD-camera.png]."

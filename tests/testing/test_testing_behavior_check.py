@@ -94,13 +94,6 @@ def test_shipped_and_simple_plugins_keep_the_contract(cls: type[Behavior | Compo
         (weighing(lambda self, context: {"avoid": next(COUNT) / 1e6}), "a new instance"),
         (weighing(lambda self, context: spoil(context)), "read-only"),
         (weighing(Even.weigh, explain=lambda self: 3), "raised TypeError"),
-        (
-            weighing(
-                Even.weigh,
-                Params=type("P", (Composite.Params,), {"__annotations__": {"x": float}, "x": 1.0}),
-            ),
-            "x has no description",
-        ),
     ],
 )
 def test_a_composite_s_breach_of_the_contract_is_named(cls: type[Composite], message: str) -> None:
