@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, create_model
 
 from navfw.config.document import load_yaml
 from navfw.config.yamlfile import validate
-from navfw.errors import InputError, PluginError
+from navfw.errors import PluginError
 from navfw.stack.stack_document import STAGES, read_stack
 
 if TYPE_CHECKING:
@@ -25,15 +25,11 @@ if TYPE_CHECKING:
 
 def check_map(path: Path, registry: Registry) -> None:
     """Check a map and its kinds of landmarks."""
+    from navfw.features.landmark_appearance import check_landmark_kind
     from navfw.topomap.mapfile import load_map
 
-    def landmark_kind(name: str) -> str:
-        try:
-            return registry.get("landmark", name).name
-        except InputError as error:
-            raise ValueError(str(error)) from None
-
-    load_map(path, landmark_kind)
+    del registry
+    load_map(path, check_landmark_kind)
 
 
 def check_mission(path: Path, registry: Registry) -> None:
