@@ -52,7 +52,13 @@ def explain(
             other = "cannot be given with --at" if at is not None else "needs --at"
             raise typer.BadParameter(other, param_hint=name)
     if at is None:
-        _tell(folder, begin, end, json=json)
+        with quiet_stdout():
+            from navfw.report.run_story import story_of
+
+            how, story = story_of(folder, begin, end)
+        told = [f"{line.time:7.1f} s  {line.text}" for line in story]
+        data = {"ended": how, "story": [asdict(line) for line in story]}
+        print_result(data, [how, *told], json=json)
     elif instead is None:
         _explain_at(folder, at, inference, json=json)
     else:
@@ -78,17 +84,6 @@ def _explain_at(folder: Path, at: float, inference: bool, *, json: bool) -> None
         from navfw.mofis.explanation_text import explanation_lines
 
         echo("\n".join([*explanation_lines(explanation), *_not_heard(explanation)]))
-
-
-def _tell(folder: Path, begin: float, end: float, *, json: bool) -> None:
-    """Print the story of a run."""
-    with quiet_stdout():
-        from navfw.report.run_story import story_of
-
-        how, lines = story_of(folder, begin, end)
-    told = [f"{line.time:7.1f} s  {line.text}" for line in lines]
-    data = {"ended": how, "story": [asdict(line) for line in lines]}
-    print_result(data, [how, *told], json=json)
 
 
 def _not_heard(explanation: Mapping[str, Any]) -> Iterator[str]:

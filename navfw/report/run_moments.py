@@ -76,10 +76,8 @@ class Rating:
         return np.concatenate([backward, forward]), np.linspace(self.w[0], last, turns)
 
 
-def read_moments(
-    run: RecordedRun, events: Iterable[StoryLine] = (), limit: int = _MAX_MOMENTS
-) -> list[dict[str, Any]]:
-    """Read at most ``limit`` moments of ``run``, evenly spaced in its images, and one per event.
+def read_moments(run: RecordedRun, events: Iterable[StoryLine] = ()) -> list[dict[str, Any]]:
+    """Read at most 240 moments of ``run``, evenly spaced in its images, and one per event.
 
     A moment is an image at which the behaviours' ratings were recorded, so that its command is that
     of these ratings: a mapping of what was known at ``time`` [s], as the page's script reads it.
@@ -103,7 +101,7 @@ def read_moments(
     shown = np.flatnonzero(np.isin(images, rated) | (images < min(rated, default=math.inf)))
     if not len(shown):
         return []
-    kept = shown[np.linspace(0, len(shown) - 1, min(len(shown), limit)).round().astype(int)]
+    kept = shown[np.linspace(0, len(shown) - 1, min(len(shown), _MAX_MOMENTS)).round().astype(int)]
     at = np.array([topics.nanoseconds(event.time) for event in events], dtype=np.int64)
     of_events = shown[np.minimum(np.searchsorted(images[shown], at), len(shown) - 1)]
     wanted = (*SHOWN, topics.RULES, topics.PROPOSALS)

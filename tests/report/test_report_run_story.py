@@ -97,9 +97,6 @@ def test_the_first_line_of_a_failure_says_why() -> None:
         "reached: stopped at 'lab'"
     )
     assert "because sensor failed" in headline({"outcome": "fault", "cause": "sensor_failed"})
-
-
-def test_the_first_line_names_plugins_that_failed() -> None:
     result = {**RESULT, "objections": ["behavior own failed in 35 of 56 calls"]}
     assert headline(result).endswith("time limit of 9 s; behavior own failed in 35 of 56 calls")
 
