@@ -11,7 +11,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from navfw.localmap.occupancy_grid import OccupancyGrid
+from navfw.localmap.cell_arrays import distances
+from navfw.localmap.occupancy_grid import WALL_DEPTH, OccupancyGrid
 from navfw.localmap.ray_kernels import (
     TURN,
     Ground,
@@ -31,6 +32,8 @@ from navfw.signals.immutability import Frozen, read_only
 _SECTORS = 48  # chosen
 _SWING = 2.0  # chosen
 """Radius of an arc, in reaches of the body, up to which its corners swing out to unseen floor."""
+_FARTHEST = 1.0  # chosen
+"""Distance [m] up to which hidden floor counts, if the camera sees no floor nearer."""
 _BESIDE = np.ones((3, 3), np.uint8)  # defined
 
 _BEARINGS = read_only(np.linspace(-math.pi, math.pi, _SECTORS + 1)[1:])  # defined
@@ -74,7 +77,8 @@ def arcs_of(
     free, observed, clearance = np.empty((3, speeds.size, turns.size))
     turn = np.full(turns.size, math.inf)
     robot = occupancy.robot
-    ground = ground_of(occupancy, occupancy.footprint_observed, occupancy.clearance)
+    around = _with_hidden(occupancy, pose, occupancy.clearance)
+    ground = ground_of(occupancy, occupancy.footprint_observed, around)
     behind = blind_ground(occupancy)
     start, discs, forward = _start(pose), np.array(robot.discs), speeds > 0.0
 
@@ -120,6 +124,7 @@ def free_distance(
     if robot.footprint is None:
         # an obstacle that is 0.2 m beside the body's path, or more, does not bar it
         near = occupancy.clearance_near(pose.x, pose.y, reach + robot.radius + 0.2)
+        near = near if v < 0.0 else _with_hidden(occupancy, pose, near)
         ground = ground_of(occupancy, seen, near)
         contact, unobserved, _ = follow_arc(ground, _start(pose), v, w, robot.radius, reach, 0.0)
     else:
@@ -167,6 +172,33 @@ def blind_ground(occupancy: OccupancyGrid) -> Ground:
     is_round = occupancy.robot.footprint is None
     around = occupancy.clearance if is_round else occupancy.blind_clearance
     return ground_of(occupancy, _observed_behind(occupancy), around)
+
+
+def _with_hidden(occupancy: OccupancyGrid, pose: Pose, clearance: Array) -> Array:
+    """Return ``clearance`` (n, n) [m] for forward arcs of a round body at odom ``pose``.
+
+    Beside it, out of view, hidden cells within 0.15 m of an occupied one count as occupied too: of
+    a thing the camera has shown only the side that faced it. Gaps between rays are not hidden.
+    """
+    robot, cell = occupancy.robot, occupancy.params.cell
+    if robot.footprint is not None:
+        return clearance
+    reach = robot.camera.mount_forward + min(robot.camera.floor_in_view_from, _FARTHEST)
+    row, column = occupancy.index(pose.x, pose.y)
+    half = math.ceil((reach + robot.radius) / cell)
+    window = np.s_[max(row - half, 0) : row + half + 1, max(column - half, 0) : column + half + 1]
+    near, beside = clearance[window], np.zeros(clearance[window].shape, np.uint8)
+    at, radius = (min(column, half), min(row, half)), round(reach / cell)
+    yaw, aside = math.degrees(pose.yaw), math.degrees(robot.seen_aside)
+    cv2.ellipse(beside, at, (radius, radius), yaw, aside, 360.0 - aside, 1, cv2.FILLED)
+    unseen = ((near > 0.0) & (occupancy.observed[window] == 0)).view(np.uint8)
+    thick = cv2.morphologyEx(unseen, cv2.MORPH_OPEN, _BESIDE) > 0
+    hidden = thick & (near <= WALL_DEPTH) & (beside > 0)
+    if not hidden.any():
+        return clearance
+    clearance = clearance.copy()
+    clearance[window] = np.minimum(near, distances(hidden, cell))
+    return clearance
 
 
 def _observed_behind(occupancy: OccupancyGrid) -> npt.NDArray[np.uint8]:

@@ -64,7 +64,7 @@ _SIDE_MARGIN = 0.1  # measured
 tried: the robot then creeps."""
 _LOW_PASS = 0.15  # chosen
 """Height [m] below which a passing ray is full evidence for a free cell."""
-_WALL_DEPTH = 0.15  # chosen
+WALL_DEPTH = 0.15  # chosen
 """Depth [m] behind what is seen of a wall that may be wall as well, unless it is observed free."""
 _DOUBT = 1.6  # chosen
 """Distance [m] from the camera up to which the floor is in doubt when something has appeared."""
@@ -388,7 +388,7 @@ class OccupancyGrid:
         Unobserved cells within 0.15 m of an occupied one count as occupied too.
         """
         if self._blind_clearance is None:
-            hidden = self.clearance <= _WALL_DEPTH
+            hidden = self.clearance <= WALL_DEPTH
             self._blind_clearance = self._distances(hidden & (self.observed == 0) | self._barring)
         return self._blind_clearance
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,20 @@ RULE_BASE = Path(__file__).parent / "rules" / "frontier.yaml"
 INPUTS = ("gain", "path", "turn", "clearance", "reserve")  # defined
 """Inputs of the rules: of the file that ships, and of any in its place."""
 OUTPUT = "merit"  # defined
+
+
+@dataclass(frozen=True, slots=True)
+class ChosenFrontier:
+    """The frontier chosen at ``time`` [s], with the inputs of the rules and its ``merit``.
+
+    ``others`` are the other candidates, best first, as (frontier, merit).
+    """
+
+    time: float
+    frontier: Frontier
+    inputs: dict[str, float]
+    merit: float
+    others: tuple[tuple[Frontier, float], ...]
 
 
 class FrontierRules:

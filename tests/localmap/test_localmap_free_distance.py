@@ -53,6 +53,30 @@ def test_unobserved_cells_end_the_observed_length() -> None:
     assert unobserved.observed[MAX_SPEED, STRAIGHT] == pytest.approx(expected, abs=0.08)
 
 
+@pytest.mark.parametrize(
+    ("thing", "hidden", "bars"),
+    [
+        ((0.0, 0.1, 0.4, 0.5), (0.0, 0.1, 0.25, 0.35), True),
+        ((0.0, 0.1, 0.4, 0.5), None, False),
+        ((0.4, 0.5, 0.2, 0.3), (0.4, 0.5, 0.05, 0.15), False),
+    ],
+    ids=["beside", "all observed", "in view"],
+)
+def test_hidden_floor_beside_what_was_seen_bars_forward_arcs(
+    thing: tuple[float, ...], hidden: tuple[float, ...] | None, bars: bool
+) -> None:
+    """Of a thing only the side was seen that faced the camera."""
+    occupancy = grid_with(thing)
+    if hidden is not None:
+        (top, left), (bottom, right) = (occupancy.index(*hidden[k::2]) for k in (0, 1))
+        occupancy.log_odds[top : bottom + 1, left : right + 1] = 0.0
+    row, column = int(np.searchsorted(COMMANDS.v, 0.2)), COMMANDS.w.size - 1
+    twist, swept = Twist(COMMANDS.v[row], COMMANDS.w[column]), arcs(occupancy, margin=0.0)
+    contact = free_distance(occupancy, ORIGIN, twist).contact
+    assert (contact < 0.3, swept.free[row, column] < 0.3) == (bars, bars)
+    assert swept.free[row, STRAIGHT] == swept.reach
+
+
 def test_backward_arcs_are_free_over_observed_floor_alone() -> None:
     occupancy = grid_with(observed=False)
     assert arcs(occupancy, margin=0.0).free[0, STRAIGHT] == pytest.approx(0.0, abs=0.06)

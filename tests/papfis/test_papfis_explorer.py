@@ -3,6 +3,7 @@
 import itertools
 import math
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -250,22 +251,48 @@ def explorer(**params: object) -> Explorer:
     return planner
 
 
-@pytest.mark.parametrize(("width", "looks"), [(0.65, True), (0.3, False)])
-def test_a_doorway_between_the_bands_of_its_sides_is_looked_at(width: float, looks: bool) -> None:
+def with_doorway(width: float) -> Array:
+    """Evidence of a room, and of a doorway to the right between the bands of its sides."""
     wall, half = ~room(4.0, 3.0)[0], round(0.5 * width / CELL)
     wall = np.pad(wall, ((0, 0), (0, 8)), constant_values=True)  # the right one is 0.45 m thick
     wall[30 - half : 30 + half, 81:] = False
     band = cv2.dilate(wall.view(np.uint8), np.ones((5, 5), np.uint8)) > 0
     evidence = np.where(wall, 64, np.where(band, 30, FREE)).astype(np.int8)
     evidence[:, 85:] = 0  # the inner half of the doorway is unseen
+    return evidence
+
+
+def choice_at(evidence: Array, x: float) -> dict[str, Any]:
+    """What an explorer at (x, 1.5) [m] chooses first."""
     planner = explorer(return_home=False)
     planner.observe_grid(GrownGrid(evidence, (0.0, 0.0), CELL))
-    planner.update(Belief(0.0, Pose(2.0, 1.5, 0.0), np.zeros((3, 3))))
-    chosen = planner.explain_choice()
+    planner.update(Belief(0.0, Pose(x, 1.5, 0.0), np.zeros((3, 3))))
+    return planner.explain_choice()
+
+
+@pytest.mark.parametrize(("width", "looks"), [(0.65, True), (0.3, False)])
+def test_a_doorway_between_the_bands_of_its_sides_is_looked_at(width: float, looks: bool) -> None:
+    chosen = choice_at(with_doorway(width), 2.0)
     assert (chosen["heads_for"] == "frontier") == looks
     if looks:
         assert chosen["x"] == pytest.approx(4.2, abs=0.2)
         assert chosen["y"] == pytest.approx(1.5, abs=0.2)
+
+
+@pytest.mark.parametrize(("x", "doorway"), [(2.4, False), (3.3, True)])
+def test_a_doorway_nearby_comes_before_frontiers_far_off(x: float, doorway: bool) -> None:
+    evidence = with_doorway(0.65)
+    evidence[:, :4] = 0  # the room goes on at the left
+    assert (choice_at(evidence, x)["x"] > 4.0) == doorway
+
+
+@pytest.mark.parametrize(("x", "worth"), [(7.5, True), (1.0, False)])
+def test_crumbs_far_off_are_left(x: float, worth: bool) -> None:
+    free, occupied = room(9.0, 3.0)
+    free[25:33, 172:180] = False  # 0.16 m^2
+    evidence = grid_of(free, occupied & ~free).log_odds.copy()
+    evidence[25:33, 172:180] = 0
+    assert ("x" in choice_at(evidence, x)) == worth
 
 
 @pytest.mark.thorough
