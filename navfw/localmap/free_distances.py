@@ -32,7 +32,7 @@ from navfw.signals.immutability import Frozen, read_only
 _SECTORS = 48  # chosen
 _SWING = 2.0  # chosen
 """Radius of an arc, in reaches of the body, up to which its corners swing out to unseen floor."""
-_FARTHEST = 1.0  # chosen
+_MAX_BLIND = 1.0  # chosen
 """Distance [m] up to which hidden floor counts, if the camera sees no floor nearer."""
 _BESIDE = np.ones((3, 3), np.uint8)  # defined
 
@@ -183,7 +183,7 @@ def _with_hidden(occupancy: OccupancyGrid, pose: Pose, clearance: Array) -> Arra
     robot, cell = occupancy.robot, occupancy.params.cell
     if robot.footprint is not None:
         return clearance
-    reach = robot.camera.mount_forward + min(robot.camera.floor_in_view_from, _FARTHEST)
+    reach = robot.camera.mount_forward + min(robot.camera.floor_in_view_from, _MAX_BLIND)
     row, column = occupancy.index(pose.x, pose.y)
     half = math.ceil((reach + robot.radius) / cell)
     window = np.s_[max(row - half, 0) : row + half + 1, max(column - half, 0) : column + half + 1]

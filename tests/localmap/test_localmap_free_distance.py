@@ -18,6 +18,8 @@ from navfw.numerics import Array
 from navfw.robot import Footprint, RobotModel
 from navfw.signals import OccupiedDisc, Pose, Twist
 
+Box = tuple[float, float, float, float]
+
 COMMANDS = CommandGrid(ROBOT)
 STRAIGHT = COMMANDS.w.size // 2
 MAX_SPEED = COMMANDS.v.size - 1
@@ -63,7 +65,7 @@ def test_unobserved_cells_end_the_observed_length() -> None:
     ids=["beside", "all observed", "in view"],
 )
 def test_hidden_floor_beside_what_was_seen_bars_forward_arcs(
-    thing: tuple[float, ...], hidden: tuple[float, ...] | None, bars: bool
+    thing: Box, hidden: Box | None, bars: bool
 ) -> None:
     """Of a thing only the side was seen that faced the camera."""
     occupancy = grid_with(thing)

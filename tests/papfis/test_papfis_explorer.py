@@ -19,6 +19,7 @@ from navfw.papfis.given_up import GivenUp, Pursuit, narrow_passages
 from navfw.papfis.known_ground import MARGIN, Frontier, KnownGround
 from navfw.robot import RobotModel
 from navfw.signals import Belief, GrownGrid, Pose, Waypoint
+from navfw.signals.grown_grid import Evidence
 from navfw.topomap import Place, TopoMap
 
 CELL = 0.05
@@ -251,7 +252,7 @@ def explorer(**params: object) -> Explorer:
     return planner
 
 
-def with_doorway(width: float) -> Array:
+def with_doorway(width: float) -> Evidence:
     """Evidence of a room, and of a doorway to the right between the bands of its sides."""
     wall, half = ~room(4.0, 3.0)[0], round(0.5 * width / CELL)
     wall = np.pad(wall, ((0, 0), (0, 8)), constant_values=True)  # the right one is 0.45 m thick
@@ -262,7 +263,7 @@ def with_doorway(width: float) -> Array:
     return evidence
 
 
-def choice_at(evidence: Array, x: float) -> dict[str, Any]:
+def choice_at(evidence: Evidence, x: float) -> dict[str, Any]:
     """What an explorer at (x, 1.5) [m] chooses first."""
     planner = explorer(return_home=False)
     planner.observe_grid(GrownGrid(evidence, (0.0, 0.0), CELL))
