@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Annotated, Any
 
@@ -89,30 +89,19 @@ PRESETS: Mapping[str, Mapping[str, float]] = MappingProxyType(
 """By name, the values of presets that differ from the defaults."""
 
 
-def _normals(rng: np.random.Generator, count: int, ahead: int) -> Iterator[list[float]]:
-    """Standard normal numbers, ``count`` for each reading, drawn in blocks of ``ahead`` readings.
-
-    The sequence does not depend on the block size; large blocks are faster.
-    """
-    while True:
-        yield from rng.standard_normal((ahead, count)).tolist()
-
-
 class GyroModel:
     """A three-axis rate gyro: bias with random walk, and white noise, on every axis.
 
-    The yaw rate is the mean since the last reading, as from an integrating gyro. Noise is drawn for
-    ``ahead`` readings at once; more than 1 only if ``rng`` has no other user.
+    The yaw rate is the mean since the last reading, as from an integrating gyro.
     """
 
-    def __init__(self, params: SensorParams, rng: np.random.Generator, ahead: int = 1) -> None:
-        self._params = params
-        self._drawn = _normals(rng, 6, ahead)
+    def __init__(self, params: SensorParams, rng: np.random.Generator) -> None:
+        self._params, self._rng = params, rng
         self._bias: list[float] = (params.gyro_bias * rng.standard_normal(3)).tolist()
 
     def read(self, time: float, dt: float, rates: tuple[float, float, float]) -> Inertial:
         """Measure the true ``rates`` (roll, pitch, yaw) [rad/s], ``dt`` [s] after the last call."""
-        drawn = next(self._drawn)
+        drawn = self._rng.standard_normal(6).tolist()
         walk, noise = self._params.gyro_bias_walk * math.sqrt(dt), self._params.gyro_noise
         bias = self._bias
         for axis in range(3):
@@ -126,14 +115,11 @@ class WheelEncoderModel:
 
     Each wheel's slip, a share of its distance, is a first-order Gauss-Markov process with the time
     constant ``slip_time``. The wheels' radii differ by ``radius_mismatch``; which one is larger is
-    drawn once. ``more_slip`` is added while the floor is slippery. ``ahead`` as for the gyro.
+    drawn once. ``more_slip`` is added while the floor is slippery.
     """
 
-    def __init__(
-        self, params: SensorParams, robot: RobotModel, rng: np.random.Generator, ahead: int = 1
-    ) -> None:
-        self._params = params
-        self._drawn = _normals(rng, 2, ahead)
+    def __init__(self, params: SensorParams, robot: RobotModel, rng: np.random.Generator) -> None:
+        self._params, self._rng = params, rng
         self._ticks_per_radian = robot.ticks_per_turn / (2.0 * math.pi)
         half = 0.5 * params.radius_mismatch * float(rng.choice((-1.0, 1.0)))
         self._scale = (1.0 - half, 1.0 + half)
@@ -150,7 +136,7 @@ class WheelEncoderModel:
         """Count the ticks at wheel angles (left, right) [rad], ``dt`` [s] after the last call."""
         keep = math.exp(-dt / self._params.slip_time) if self._params.slip_time > 0.0 else 0.0
         spread = self._params.slip * math.sqrt(1.0 - keep * keep)
-        drawn = next(self._drawn)
+        drawn = self._rng.standard_normal(2).tolist()
         usual = 1.0 + self._params.slip_mean + self.more_slip
         for side in range(2):
             self._slip[side] = keep * self._slip[side] + spread * drawn[side]

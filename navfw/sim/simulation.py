@@ -40,8 +40,6 @@ _SETTLING_TIME = 0.25
 """Time [s] of physics before time 0, in which the robot comes to rest on its wheels."""
 _GRAVITY = 9.81
 """Gravitational acceleration [m/s^2]."""
-_READINGS_AHEAD = 64
-"""Number of readings for which noise is drawn at once."""
 
 
 class Simulation(BulletConnection):
@@ -114,8 +112,8 @@ class Simulation(BulletConnection):
                 self._landmark_faults,
                 drawn,
             )
-            self._gyro = GyroModel(sensors, for_gyro, _READINGS_AHEAD)
-            self._encoders = WheelEncoderModel(sensors, robot, for_encoders, _READINGS_AHEAD)
+            self._gyro = GyroModel(sensors, for_gyro)
+            self._encoders = WheelEncoderModel(sensors, robot, for_encoders)
             self._settle()
         except BaseException:
             self.close()
