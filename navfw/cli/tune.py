@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 import math
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from navfw.cli import options
-from navfw.cli.options import option
+from navfw.cli.options import (
+    EngineName,
+    Json,
+    Limit,
+    Memory,
+    Scheduler,
+    Stack,
+    Suite,
+    Workers,
+    check_engine,
+    from_options,
+    option,
+)
 from navfw.cli.output import echo, print_json, quiet_stdout
 from navfw.config.extras import require_extra
 from navfw.process.atomic import writing
@@ -18,44 +29,50 @@ if TYPE_CHECKING:
     from optuna.trial import FrozenTrial
 
 
-def tune(
-    file: options.Suite,
-    stack: options.Stack,
-    trials: int = option(..., "Total number of trials.", min=1, max=100_000),
-    seeds: str = option("0:8", "Training seeds from A to B - 1.", metavar="A:B"),
+@dataclass(frozen=True, slots=True)
+class TuneOptions:
+    """Arguments and options of ``navfw tune``."""
+
+    file: Suite
+    stack: Stack
+    trials: int = option(..., "Total number of trials.", min=1, max=100_000)
+    seeds: str = option("0:8", "Training seeds from A to B - 1.", metavar="A:B")
     validate: str = option(
         "1000:1020", "Validation seeds; none of them for training.", metavar="A:B"
-    ),
+    )
     param: list[str] | None = option(
         None, "PLUGIN or PLUGIN.NAME to tune [default: all behaviours]. May be repeated."
-    ),
+    )
     rules: list[str] | None = option(
         None, "PLUGIN or PLUGIN.INPUT whose break points to tune. May be repeated."
-    ),
+    )
     variant: list[str] | None = option(
         None, "Values to choose from. May be repeated.", metavar="PATH=A|B"
-    ),
-    minutes: float = option(math.inf, "Begin no trial after this time [min].", min=0.1),
+    )
+    minutes: float = option(math.inf, "Begin no trial after this time [min].", min=0.1)
     objective: list[str] | None = option(
         None,
         "success, spl, sct or clearance [default: success, spl]. May be repeated.",
         metavar="NAME[=WEIGHT]",
-    ),
-    workers: options.Workers = 1,
-    limit: options.Limit = 900.0,
-    memory: options.Memory = 2000.0,
-    engine: options.EngineName = "processes",
-    scheduler: options.Scheduler = None,
-    search_seed: int = option(0, "Seed of the search.", min=0),
-    out: Path | None = option(None, "Folder of the study [default: runs/tune-SUITE]."),
-    resume: bool = option(False, "Go on with the study in --out.", "--resume"),
-    json: options.Json = False,
-) -> None:
+    )
+    workers: Workers = 1
+    limit: Limit = 900.0
+    memory: Memory = 2000.0
+    engine: EngineName = "processes"
+    scheduler: Scheduler = None
+    search_seed: int = option(0, "Seed of the search.", min=0)
+    out: Path | None = option(None, "Folder of the study [default: runs/tune-SUITE].")
+    resume: bool = option(False, "Go on with the study in --out.", "--resume")
+    json: Json = False
+
+
+@from_options
+def tune(options: TuneOptions) -> None:
     """Tune parameters and break points of rules on a suite.
 
     Writes a stack file, and validates it; the stack itself is not changed. Needs the extra tune.
     """
-    options.check_engine(engine, scheduler)
+    check_engine(options.engine, options.scheduler)
     with quiet_stdout():
         require_extra("tune", "optuna", key="navfw tune")
         from navfw.plugins import default_registry
@@ -64,26 +81,34 @@ def tune(
         from navfw.tune.stack_study import StackStudy
         from navfw.tune.trials import driver
 
-        suite = load_suite(file)
+        suite = load_suite(options.file)
         study = StackStudy.plan(
             suite,
-            stack,
+            options.stack,
             default_registry(),
-            seeds=seeds,
-            validate=validate,
-            parameters=tuple(param or ()),
-            rules=tuple(rules or ()),
-            objectives=tuple(objective or ("success", "spl")),
-            variants=tuple(variant or ()),
+            seeds=options.seeds,
+            validate=options.validate,
+            parameters=tuple(options.param or ()),
+            rules=tuple(options.rules or ()),
+            objectives=tuple(options.objective or ("success", "spl")),
+            variants=tuple(options.variant or ()),
         )
-        folder = out or Path("runs") / f"tune-{suite.name}"
+        folder = options.out or Path("runs") / f"tune-{suite.name}"
         with writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
         lock = TargetLock(folder.absolute() / "study")
-        with lock, engine_for(study.cases, scheduler, workers, limit, memory) as runner:
-            search = partial(study.run, folder, driver(runner), trials, resume=resume)
-            result = search(seed=search_seed, on_trial=_show, minutes=minutes)
-    if json:
+        engine = options.scheduler, options.workers, options.limit, options.memory
+        with lock, engine_for(study.cases, *engine) as runner:
+            result = study.run(
+                folder,
+                driver(runner),
+                options.trials,
+                seed=options.search_seed,
+                resume=options.resume,
+                on_trial=_show,
+                minutes=options.minutes,
+            )
+    if options.json:
         print_json(result)
     else:
         _print_validation(result)

@@ -263,9 +263,7 @@ def measure(
     confidence = np.ones(log.ticks) if log.confidence is None else log.confidence
     confidence = confidence[sampled] if log.ticks else np.zeros(1)
     believed, confident = confidence > 0.0, confidence >= _CONFIDENT
-    p50, p95 = (
-        np.percentile(error[believed], (50.0, 95.0)).tolist() if believed.any() else (None, None)
-    )
+    p50, p95 = _median_and_p95(error[believed])
     localized = np.flatnonzero(confident & (error <= _CORRECT))
     durations = np.diff(time, append=time[-1])
     duration = float(log.time[-1] - log.time[0]) if log.ticks else 0.0
@@ -295,6 +293,13 @@ def measure(
         why_slower=_shares_of_time(log),
         stage_ms=dict(stage_ms or {}),
     )
+
+
+def _median_and_p95(errors: Array) -> tuple[float | None, float | None]:
+    if not len(errors):
+        return None, None
+    median, p95 = np.percentile(errors, (50.0, 95.0)).tolist()
+    return median, p95
 
 
 def shortest_with_room(plan: SceneGeometry, points: Sequence[Point], radius: float) -> float:

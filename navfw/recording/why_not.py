@@ -82,10 +82,10 @@ def why_not(moment: DecisionMoment, wanted: str) -> WhyNot:
     if not cells:
         limit = "the robot has no command like that: this was the most that it can do"
         raise InputError(limit, key="--why-not")
-    given = command.twist
-    away = np.hypot.outer(grid.v - given.v, grid.w - given.w)
+    twist = command.twist
+    away = np.hypot.outer(grid.v - twist.v, grid.w - twist.w)
     cell = max(cells, key=lambda one: (support[one], -away[one]))
-    given_cell = grid.nearest(command.twist)
+    given_cell = grid.nearest(twist)
     best = max(float(support.max()), 1e-9)
     changes, largest = smallest_changes(moment, turned, (cell, given_cell))
     return WhyNot(

@@ -89,15 +89,7 @@ def generate(
 
     """
     seed = checked_seed(seed)
-    if not 0.0 <= difficulty <= 1.0:
-        raise InputError(f"expected 0 to 1, got {difficulty:g}", key="difficulty")
-    if contrast is not None and not 0.0 <= contrast <= MAX_CONTRAST:
-        what = f"expected 0 to {MAX_CONTRAST:g} grey levels, got {contrast:g}"
-        raise InputError(what, key="contrast")
-    if look is not None and look not in LOOKS:
-        raise UnknownNameError("look", look, LOOKS)
-    if look is not None and contrast is not None:
-        raise InputError("a look has contrasts of its own: leave out one of them", key="contrast")
+    _check(difficulty, contrast, look)
     build = _family(family).build
     for attempt in range(_ATTEMPTS):
         rng = np.random.default_rng([zlib.crc32(family.encode()), seed, attempt])
@@ -127,6 +119,19 @@ def generate(
         f"{family} with seed {seed} and difficulty {difficulty:g} gave no traversable world in"
         f" {_ATTEMPTS} attempts; choose another seed"
     )
+
+
+def _check(difficulty: float, contrast: float | None, look: Look | None) -> None:
+    """Raise InputError or UnknownNameError, like ``generate``."""
+    if not 0.0 <= difficulty <= 1.0:
+        raise InputError(f"expected 0 to 1, got {difficulty:g}", key="difficulty")
+    if contrast is not None and not 0.0 <= contrast <= MAX_CONTRAST:
+        what = f"expected 0 to {MAX_CONTRAST:g} grey levels, got {contrast:g}"
+        raise InputError(what, key="contrast")
+    if look is not None and look not in LOOKS:
+        raise UnknownNameError("look", look, LOOKS)
+    if look is not None and contrast is not None:
+        raise InputError("a look has contrasts of its own: leave out one of them", key="contrast")
 
 
 def _shortest_path(draft: WorldDraft) -> float:
