@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.localmap.cell_arrays import distances
-from navfw.localmap.occupancy_grid import WALL_DEPTH, OccupancyGrid
+from navfw.localmap.occupancy_grid import OBSERVED_FREE, WALL_DEPTH, OccupancyGrid
 from navfw.localmap.ray_kernels import (
     TURN,
     Ground,
@@ -183,17 +183,21 @@ def _with_hidden(occupancy: OccupancyGrid, pose: Pose, clearance: Array) -> Arra
     robot, cell = occupancy.robot, occupancy.params.cell
     if robot.footprint is not None:
         return clearance
-    reach = robot.camera.mount_forward + min(robot.camera.floor_in_view_from, _MAX_BLIND)
+    reach = robot.camera.mount_forward + min(occupancy.blind, _MAX_BLIND)
     row, column = occupancy.index(pose.x, pose.y)
     half = math.ceil((reach + robot.radius) / cell)
     window = np.s_[max(row - half, 0) : row + half + 1, max(column - half, 0) : column + half + 1]
-    near, beside = clearance[window], np.zeros(clearance[window].shape, np.uint8)
+    near, unseen = clearance[window], occupancy.log_odds[window] > OBSERVED_FREE
+    unseen &= near > 0.0
+    deep = unseen & (near <= WALL_DEPTH)
+    if not deep.any():
+        return clearance
+    beside = np.zeros(near.shape, np.uint8)
     at, radius = (min(column, half), min(row, half)), round(reach / cell)
     yaw, aside = math.degrees(pose.yaw), math.degrees(robot.seen_aside)
     cv2.ellipse(beside, at, (radius, radius), yaw, aside, 360.0 - aside, 1, cv2.FILLED)
-    unseen = ((near > 0.0) & (occupancy.observed[window] == 0)).view(np.uint8)
-    thick = cv2.morphologyEx(unseen, cv2.MORPH_OPEN, _BESIDE) > 0
-    hidden = thick & (near <= WALL_DEPTH) & (beside > 0)
+    thick = cv2.morphologyEx(unseen.view(np.uint8), cv2.MORPH_OPEN, _BESIDE)
+    hidden = deep & (thick > 0) & (beside > 0)
     if not hidden.any():
         return clearance
     clearance = clearance.copy()

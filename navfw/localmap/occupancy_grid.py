@@ -60,8 +60,7 @@ for the evidence of a surface to add up before the robot has reached it."""
 _GAP = np.ones((3, 3), np.uint8)  # defined
 """Structuring element that closes gaps of one cell between the rays of a sparse flow grid."""
 _SIDE_MARGIN = 0.1  # measured
-"""Distance [m] beside a path within which the floor has to be observed. Wider margins were
-tried: the robot then creeps."""
+"""Distance [m] beside a path within which floor has to be observed; with more, the robot creeps."""
 _LOW_PASS = 0.15  # chosen
 """Height [m] below which a passing ray is full evidence for a free cell."""
 WALL_DEPTH = 0.15  # chosen
@@ -101,8 +100,8 @@ class OccupancyGrid:
     """A square of log-odds of occupancy that rolls with the robot; clearances are derived from it.
 
     ``log_odds`` and all other arrays are (n, n), indexed [row, column] = [y, x]; ``origin`` is the
-    odom position [m] of the centre of cell [0, 0]. A cell without evidence has log-odds 0: neither
-    occupied nor observed free. ``driven`` is 1 along the track of the robot's rear, up to its rim.
+    odom position [m] of the centre of cell [0, 0]. A cell of log-odds 0 has no evidence. ``driven``
+    is 1 along the track of the robot's rear; the camera sees no floor nearer than ``blind`` [m].
     """
 
     def __init__(self, robot: RobotModel, params: OccupancyParams | None = None) -> None:
@@ -115,7 +114,8 @@ class OccupancyGrid:
         self._margin = np.ones((2 * round(_SIDE_MARGIN / p.cell) + len(_GAP),) * 2, np.uint8)
         self._body = cell_disc(round(robot.radius / p.cell) + len(_GAP) // 2).view(np.uint8)
         shares = *p.cell_share, _LOW_PASS, OVER_WEIGHT
-        self._limits = np.array([p.range, HIT_WIDTH, *shares, robot.camera.floor_in_view_from])
+        self.blind = robot.camera.floor_in_view_from
+        self._limits = np.array([p.range, HIT_WIDTH, *shares, self.blind])
         self._hit_weights = np.array([0.0, 0.0, 1.0, DROP_WEIGHT, 1.0])  # in the order of Label
         self._footprint = cell_disc(round(robot.radius / p.cell))
         # the evidence of one frame; zero between frames
@@ -219,7 +219,7 @@ class OccupancyGrid:
         """
         view = np.full(self.log_odds.shape, -1.0)
         for grid in (view, self.log_odds):
-            self._scale_view(grid, pose, self._limits[-1], _DOUBT, 0.0)
+            self._scale_view(grid, pose, self.blind, _DOUBT, 0.0)
         self._doubted[view == 0.0] = 1.0
         self._forget_derived()
 
