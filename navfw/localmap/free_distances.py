@@ -44,9 +44,9 @@ class Arcs(Frozen):
     """Free distance along the arc of every command; arrays (n_v, n_w) [m] but for ``turn``.
 
     ``free`` is the length until the body would touch an occupied cell (backward, also one not
-    observed free, unless along its own track; in tight arcs of long bodies, also a hidden one),
-    ``observed`` that until its centre, or the middle of the leading end of a long body, would enter
-    a cell not observed free (backward: its rim), both at most ``reach``.
+    observed free, unless along its own track; in tight arcs of long bodies, and beside round ones,
+    also a hidden one), ``observed`` that until its centre, or the middle of the leading end of a
+    long body, would enter a cell not observed free (backward: its rim), both at most ``reach``.
     ``clearance`` is the least distance from the body's rim to an occupied cell over the first 0.6
     m. ``turn`` (n_w,) [rad] is the angle until a turn on the spot touches one; inf beyond 0.5 rad.
     """

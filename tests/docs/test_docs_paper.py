@@ -199,7 +199,7 @@ def drive(seconds: float) -> Iterator[tuple[Moved, DecisionInputs]]:
         yield Moved(*images, Pose(-ahead, -left, -turn), pair.motion.dt, speed), inputs
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_it_computes_what_the_stack_computes_along_a_drive(alone: Stack) -> None:
     views = list(drive(10.0))
     assert len(views) > 20

@@ -100,7 +100,7 @@ numbers = st.floats(-0.15, 0.15)
 
 
 @given(k1=numbers, k2=numbers, p1=st.floats(-0.004, 0.004), focal=st.floats(180.0, 400.0))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=8, deadline=None)
 def test_what_is_distorted_is_made_straight_again(
     k1: float, k2: float, p1: float, focal: float
 ) -> None:

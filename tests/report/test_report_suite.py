@@ -194,7 +194,7 @@ def test_a_damaged_picture_costs_itself_alone(suite: Path) -> None:
     assert page.count("data:image/webp;base64,") == 3
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_recorded_runs_are_a_click_from_their_own_reports(
     workdir: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
