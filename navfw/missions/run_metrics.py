@@ -295,13 +295,6 @@ def measure(
     )
 
 
-def _median_and_p95(errors: Array) -> tuple[float | None, float | None]:
-    if not len(errors):
-        return None, None
-    median, p95 = np.percentile(errors, (50.0, 95.0)).tolist()
-    return median, p95
-
-
 def shortest_with_room(plan: SceneGeometry, points: Sequence[Point], radius: float) -> float:
     """Return the shortest path's length [m] through ``points``, 0.15 m beside the robot's disc.
 
@@ -316,6 +309,13 @@ def shortest_with_room(plan: SceneGeometry, points: Sequence[Point], radius: flo
             return plan.shortest_path(start, end, radius)[0]
 
     return sum(leg(start, end) for start, end in pairwise(points))
+
+
+def _median_and_p95(errors: Array) -> tuple[float | None, float | None]:
+    """Median and 95th percentile; None without any."""
+    if not errors.size:
+        return None, None
+    return float(np.median(errors)), float(np.percentile(errors, 95.0))
 
 
 def _spl(succeeded: bool, shortest: float, length: float) -> float:
