@@ -157,7 +157,9 @@ def _run(request: RunOptions) -> NoReturn:
             where = None if folder is None else str(folder)
             summary = plain_json({**result.summary(), "run_folder": where})
         show_result(summary, missing, request.json)
-        raise typer.Exit(NOT_SAVED if missing else result.exit_code)
+        code = NOT_SAVED if missing else result.exit_code
+        announce(ended=code)
+        raise typer.Exit(code)
 
 
 def _drive(request: RunOptions) -> tuple[MissionResult, Path | None, tuple[str, ...]]:
@@ -303,17 +305,9 @@ def show_tick(bar: ProgressBar, goal: Waypoint, began: float, tick: TickView) ->
 
 def _announce(session: Session, target: RunFolder, request: RunOptions) -> None:
     """Report to the supervisor what run begins."""
-    announce(
-        run={
-            "summary": {
-                "world": session.world_name,
-                "mission": session.mission_name,
-                "seed": session.seed,
-            },
-            "folder": str(target.target.absolute()),
-            "as_json": request.json,
-        }
-    )
+    about = {"world": session.world_name, "mission": session.mission_name, "seed": session.seed}
+    folder = str(target.target.absolute())
+    announce(run={"summary": about, "folder": folder, "as_json": request.json})
 
 
 def _write_video(request: RunOptions, folder: Path | None) -> tuple[str, ...]:

@@ -58,7 +58,8 @@ def supervise(command: Callable[[], object]) -> int:
 
 
 def announce(**message: Any) -> None:
-    """Report to the parent process how far the run is: ``run`` describes it; or ``driven``."""
+    """Report to the parent process how far the run is: ``run`` describes it; it is ``driven``; its
+    result was printed, and its exit code is ``ended``, whatever ends the process after that."""
     if _pipe >= 0:
         with suppress(OSError):  # the parent has died
             os.write(_pipe, json.dumps(message).encode() + b"\n")
@@ -86,7 +87,7 @@ def _drive(
     except BaseException:
         traceback.print_exc()
     finally:
-        announce(ended=True)
+        announce(ended=code)
         os._exit(code)  # whatever threads plugins have left behind
 
 
@@ -113,7 +114,7 @@ class _Supervisor:
         for number in (*signals, signal.SIGALRM):
             signal.signal(number, signal.SIG_IGN)
         self._receive()
-        code = os.waitstatus_to_exitcode(status)
+        code = self._messages.get("ended", os.waitstatus_to_exitcode(status))
         run = self._messages.get("run")
         if code >= 0 and (run is None or "ended" in self._messages):
             return code
@@ -144,7 +145,7 @@ class _Supervisor:
         os.set_blocking(self._pipe, False)
         with suppress(BlockingIOError):
             for line in os.read(self._pipe, 65536).splitlines():
-                self._messages |= json.loads(line)
+                self._messages = json.loads(line) | self._messages
 
     def _reason(self, why: str) -> str:
         """Why there is no result, with the plugin that was being called."""

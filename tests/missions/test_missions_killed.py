@@ -111,6 +111,13 @@ def test_a_signal_after_the_end_changes_nothing(
     assert ended.stderr == ""
 
 
+def test_a_run_killed_after_it_has_printed_keeps_its_result(tmp_path: Path) -> None:
+    die = "import os, signal\nos._exit = lambda _: os.kill(os.getpid(), signal.SIGKILL)\n"
+    ended = Started(die + PROGRAM, (*WORDS, "--json", "--out", "o"), tmp_path).ended()
+    assert (json.loads(ended.stdout)["outcome"], ended.code, ended.stderr) == ("timeout", 1, "")
+    assert read_result(tmp_path / "o")["outcome"] == "timeout"
+
+
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
 @pytest.mark.parametrize(
     "count",
