@@ -24,6 +24,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return target
 
 
+@pytest.mark.slow
 def test_each_named_change_is_true_and_half_of_it_is_not_enough(run: Path) -> None:
     result = bench_explain([run], decisions=3, seed=1)
     assert result["decisions"] == 3

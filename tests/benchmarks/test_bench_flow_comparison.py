@@ -205,7 +205,7 @@ def test_rendered_pairs_keep_the_gyro() -> None:
     assert any(not np.allclose(t.pair.motion.rotation, np.eye(3)) for t in drawn.pairs)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_the_default_flow_is_not_beaten_and_its_sigma_is_true() -> None:
     """Costs are measured by the command: here the errors, beside processors of OpenCV."""
     drawn = rendered_set(1, 3)

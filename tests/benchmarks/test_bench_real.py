@@ -126,6 +126,7 @@ def test_the_benchmark_counts_verdicts_and_headings(approach: Path) -> None:
     assert bench_real(approach, "test", ["dis"], default_registry())["frames"] == 0
 
 
+@pytest.mark.slow
 def test_photographs_without_a_neighbour_are_not_in_the_total(
     approach: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -81,7 +81,7 @@ class Outline(HTMLParser):
         return [attributes for name, attributes in self.found if name == tag]
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_the_same_recordings_give_the_same_result_and_digest(written: Written) -> None:
     again, _ = real_scenes(written.data, default_registry(), silent)
     assert plain_json(real_as_data(again)) == written.result["real"]

@@ -173,6 +173,7 @@ def test_a_benchmark_is_kept_without_its_raw_data(tmp_path: Path) -> None:
     assert "provenance" not in result.values
 
 
+@pytest.mark.slow
 def test_results_are_measured_anew_by_their_commands(tmp_path: Path) -> None:
     command, hand = "navfw run empty straight --seed 3 --stack default", "make test-ros"
     old = bench_result("one", command=command, seeds="3", kind="run")

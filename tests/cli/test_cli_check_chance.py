@@ -55,7 +55,7 @@ def errors_of_check() -> dict[str, str]:
     return {row["name"]: row["error"] for row in json.loads(result.stdout)}
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_every_source_of_chance_is_named(folder: Path) -> None:
     put_file(folder, "navfw.toml", "")
     for name, body in {**CHANCES, "sound": "return 0.5"}.items():

@@ -139,7 +139,7 @@ def test_every_command_is_looked_at() -> None:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("columns", [80, 120])
+@pytest.mark.parametrize("columns", [80, pytest.param(120, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("code", LOOKS)
 def test_commands_look_well(code: int, columns: int, place: Path) -> None:
     texts = several(place, LOOKS[code], columns)
@@ -170,7 +170,10 @@ def test_the_screen_of_perceived_images(place: Path) -> None:
     assert_screen("perceive", shown(place, "perceive", *images, "--hfov", "60"))
 
 
-@pytest.mark.parametrize("setting", [{"NO_COLOR": "1"}, {"TERM": "dumb"}], ids=str)
+PLAIN = [{"NO_COLOR": "1"}, {"TERM": "dumb"}]
+
+
+@pytest.mark.parametrize("setting", PLAIN, ids=str)
 def test_no_colour_where_none_is_wanted(setting: dict[str, str], place: Path) -> None:
     with Terminal([*NAVFW, "list", "worlds"], cwd=place, env={**setting}) as terminal:
         assert terminal.ended() == 0
@@ -184,7 +187,9 @@ LONG = ("run", "office", "patrol", "--out", "long")
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("setting", [{"NO_COLOR": "1"}, {"TERM": "dumb"}, {}], ids=str)
+@pytest.mark.parametrize(
+    "setting", [{}, *(pytest.param(one, marks=pytest.mark.slow) for one in PLAIN)], ids=str
+)
 def test_ctrl_c_ends_a_run_as_cancelled(setting: dict[str, str], tmp_path: Path) -> None:
     with Terminal([*NAVFW, *LONG], cwd=tmp_path, env={**setting}) as terminal:
         terminal.wait_for("m to go")

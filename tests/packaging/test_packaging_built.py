@@ -324,7 +324,13 @@ def test_the_robots_half_needs_no_extra(tmp_path: Path) -> None:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(("words", "extra"), COMMANDS.items())
+@pytest.mark.parametrize(
+    ("words", "extra"),
+    [
+        pytest.param(*item, marks=() if item[1] in {"sim", "report"} else pytest.mark.slow)
+        for item in COMMANDS.items()
+    ],
+)
 def test_a_command_says_which_extra_it_needs(words: str, extra: str, tmp_path: Path) -> None:
     run = put_file(tmp_path, "run/result.json", "{}").parent
     argv = [str(run) if word == "RUN" else word for word in words.split()]

@@ -87,7 +87,7 @@ shown = []
 """
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_only_one_of_two_processes_compiles(tmp_path: Path) -> None:
     code = COMPILE.replace("shown = []", BOTH_AT_ONCE)
     processes = [compiler(tmp_path, code) for _ in range(2)]

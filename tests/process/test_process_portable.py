@@ -48,6 +48,7 @@ def called(folder: Path, environment: dict[str, str | None], *words: object) -> 
     return run(words, cwd=folder, env=environment, timeout=900)
 
 
+@pytest.mark.slow
 def test_a_drive_gives_the_same_commands(tmp_path: Path, without: dict[str, str | None]) -> None:
     words = ("run", "empty", "straight", "--json", "--quiet", "--record")
     results: list[dict[str, Any]] = []

@@ -167,7 +167,7 @@ def test_a_request_that_cannot_be_read_costs_its_own_connection_only(
     run_under_fire(40, caplog, capfd)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_two_thousand_requests_change_nothing_in_a_run(
     caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -110,7 +110,7 @@ def elsewhere(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return recorded(folder, "office", "lobby-to-lab", "mission.timeout=25")
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_drives_in_different_buildings_give_two_maps(
     drive: Path, elsewhere: Path, tmp_path: Path
 ) -> None:
@@ -163,7 +163,13 @@ def test_two_drives_through_the_same_rooms_become_one_map(tmp_path: Path) -> Non
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("missing", [("wheels",), ("gyro",), ("wheels", "gyro")])
+@pytest.mark.parametrize(
+    "missing",
+    [
+        ("wheels", "gyro"),
+        *(pytest.param(one, marks=pytest.mark.slow) for one in (("wheels",), ("gyro",))),
+    ],
+)
 def test_the_floor_takes_the_place_of_missing_sensors(
     missing: tuple[str, ...], drive: Path
 ) -> None:

@@ -152,7 +152,7 @@ def kill(who: str, suite: Undisturbed, number: signal.Signals, count: int, folde
     [
         ("parent", signal.SIGKILL),
         pytest.param("parent", signal.SIGTERM, marks=pytest.mark.slow),
-        ("worker", signal.SIGKILL),
+        pytest.param("worker", signal.SIGKILL, marks=pytest.mark.slow),
     ],
 )
 def test_a_killed_process(
