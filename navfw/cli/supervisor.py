@@ -58,8 +58,7 @@ def supervise(command: Callable[[], object]) -> int:
 
 
 def announce(**message: Any) -> None:
-    """Report to the parent process how far the run is: ``run`` describes it; it is ``driven``; its
-    result was printed, and its exit code is ``ended``, whatever ends the process after that."""
+    """Report to the parent that a ``run`` begins, is ``driven``, has printed and ``ended``."""
     if _pipe >= 0:
         with suppress(OSError):  # the parent has died
             os.write(_pipe, json.dumps(message).encode() + b"\n")
