@@ -135,9 +135,6 @@ class OdometryHistory:
 _MIN_SPEED = 0.03  # chosen
 #: Commanded travel of the rim [m] without a tick after which an encoder counts as silent.
 _SILENT = 0.03  # chosen
-#: Commanded travel of the rim [m] without a tick after which a constant count no longer proves
-#: that the wheel is at rest.
-_DOUBT = 0.01  # chosen
 
 
 class EncoderFaultDetector:
@@ -176,16 +173,14 @@ class EncoderFaultDetector:
         left, right = self._unanswered
         return left >= _SILENT, right >= _SILENT
 
-    @property
-    def doubtful(self) -> bool:
-        """Whether either encoder may be silent, so that a constant count is no proof of rest."""
-        return max(self._unanswered) >= _DOUBT
-
 
 #: Time for which the wheels must have rested before the robot counts as still [s].
 _REST = 0.3  # chosen
 #: Change of an encoder at rest [ticks]: it may flicker between two neighbouring ticks.
 _FLICKER = 1  # chosen
+#: Time [s] for which a reading at rest waits to be averaged if no commands are known: a turn begins
+#: before an encoder counts, and a reading of it would spoil the bias of the whole drive.
+_UNCERTAIN = 0.2  # chosen
 #: Largest bias of the gyro [rad/s]; a higher rate at rest is an external turn of the robot.
 _MAX_BIAS = 0.15  # chosen
 #: Time over which the bias is averaged at rest [s]; it drifts, so a longer mean is no better.
@@ -214,11 +209,11 @@ class Odometer:
     """Integrates wheel encoders and yaw gyro at control rate (midpoint rule).
 
     The pose starts at the origin of ``odom``. The gyro's bias is the running mean of its readings
-    while the wheels rest; a robot that has not turned a wheel since it was switched on rests from
-    the first reading. While it rests its heading is held. A gyro reading is taken as the mean rate
-    since the last one (rate gyros filter and sum over their sampling time); if it is not finite or
-    stale, the turn of the wheels replaces it. If a wheel's encoder is silent, the other wheel and
-    the gyro replace it; without these, the commanded speed, and the odometry is marked ``silent``.
+    while the wheels rest and no motion is commanded, from the first reading on; the heading is held
+    meanwhile. A gyro reading is taken as the mean rate since the last one (rate gyros filter and
+    sum over their sampling time); if it is not finite or stale, the turn of the wheels replaces it.
+    If a wheel's encoder is silent, the other wheel and the gyro replace it; without these, the
+    commanded speed, and the odometry is marked ``silent``.
     Yaw corrections by the flow (``correct``) follow a bias that changes during the drive.
     """
 
@@ -243,6 +238,7 @@ class Odometer:
         self._speed = 0.0
         self._bias = 0.0
         self._bias_time = 0.0
+        self._at_rest: deque[tuple[float, float]] = deque()
         self._rest_ticks = (0, 0)
         self._rest_since = -math.inf
 
@@ -253,7 +249,8 @@ class Odometer:
 
         ``commanded`` is the twist given to the drive since the last reading, if it is known.
         """
-        commanded = Twist(0.0, 0.0) if commanded is None else commanded
+        wait, commanded = (_UNCERTAIN, Twist(0.0, 0.0)) if commanded is None else (0.0, commanded)
+        self._stands = commanded == Twist(0.0, 0.0)
         self._wheels.update(encoders, commanded)
         if self._last is None:
             self._rest_ticks = (encoders.left, encoders.right)
@@ -280,12 +277,16 @@ class Odometer:
         distance = 0.5 * (left + right)
         self._speed += (distance / dt - self._speed) * -math.expm1(-dt / _SPEED_SMOOTHING)
         if self._resting(encoders.time) and abs(rate) <= _MAX_BIAS:
-            # its mean over the time at rest, with a fading memory as the bias drifts
-            self._bias_time = min(self._bias_time + dt, _BIAS_MEMORY)
-            self._bias += (rate - self._bias) * min(1.0, dt / self._bias_time)
             turn = 0.0
+            self._at_rest.append((rate, dt))
+            if len(self._at_rest) * dt > wait:
+                # its mean over the time at rest, with a fading memory as the bias drifts
+                reading, time = self._at_rest.popleft()
+                self._bias_time = min(self._bias_time + time, _BIAS_MEMORY)
+                self._bias += (reading - self._bias) * min(1.0, time / self._bias_time)
         else:
             turn = (rate - self._bias) * dt
+            self._at_rest.clear()
         self._advance(distance, turn)
         return self._odometry(encoders.time, rate - self._bias)
 
@@ -359,7 +360,7 @@ class Odometer:
         )
 
     def _resting(self, time: float) -> bool:
-        return time - self._rest_since >= _REST and not self._wheels.doubtful
+        return self._stands and time - self._rest_since >= _REST
 
     def _watch_rest(self, encoders: Encoders) -> None:
         moved = max(
