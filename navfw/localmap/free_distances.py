@@ -177,9 +177,8 @@ def blind_ground(occupancy: OccupancyGrid) -> Ground:
 def _with_hidden(occupancy: OccupancyGrid, pose: Pose, clearance: Array) -> Array:
     """Return ``clearance`` (n, n) [m] for forward arcs of a round body at odom ``pose``.
 
-    Beside it, out of view, hidden cells within 0.15 m of an occupied one count as occupied too, and
-    those with half of the evidence of one: of a thing the camera has shown only the side that faced
-    it. Gaps between rays are not hidden.
+    Beside it, out of view, hidden cells within 0.15 m of an occupied one count as occupied too: of
+    a thing the camera has shown only the side that faced it. Gaps between rays are not hidden.
     """
     robot, cell = occupancy.robot, occupancy.params.cell
     if robot.footprint is not None:
@@ -188,9 +187,9 @@ def _with_hidden(occupancy: OccupancyGrid, pose: Pose, clearance: Array) -> Arra
     row, column = occupancy.index(pose.x, pose.y)
     half = math.ceil((reach + robot.radius) / cell)
     window = np.s_[max(row - half, 0) : row + half + 1, max(column - half, 0) : column + half + 1]
-    near, evidence = clearance[window], occupancy.log_odds[window]
-    unseen = (evidence > OBSERVED_FREE) & (near > 0.0)
-    deep = unseen & ((near <= WALL_DEPTH) | (evidence >= 0.5 * occupancy.params.occupied))
+    near, unseen = clearance[window], occupancy.log_odds[window] > OBSERVED_FREE
+    unseen &= near > 0.0
+    deep = unseen & (near <= WALL_DEPTH)
     if not deep.any():
         return clearance
     beside = np.zeros(near.shape, np.uint8)
