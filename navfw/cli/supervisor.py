@@ -113,7 +113,7 @@ class _Supervisor:
         for number in (*signals, signal.SIGALRM):
             signal.signal(number, signal.SIG_IGN)
         self._receive()
-        code = self._messages.get("ended", os.waitstatus_to_exitcode(status))
+        code: int = self._messages.get("ended", os.waitstatus_to_exitcode(status))
         run = self._messages.get("run")
         if code >= 0 and (run is None or "ended" in self._messages):
             return code
