@@ -249,7 +249,8 @@ class Odometer:
 
         ``commanded`` is the twist given to the drive since the last reading, if it is known.
         """
-        wait, commanded = (_UNCERTAIN, Twist(0.0, 0.0)) if commanded is None else (0.0, commanded)
+        wait = _UNCERTAIN if commanded is None else 0.0
+        commanded = commanded or Twist(0.0, 0.0)
         self._stands = commanded == Twist(0.0, 0.0)
         self._wheels.update(encoders, commanded)
         if self._last is None:

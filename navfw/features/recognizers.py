@@ -149,8 +149,7 @@ class Aruco(FeatureRecognizer):
     def recognize(self, frame: Frame) -> Sequence[LandmarkDetection]:
         """Detect the upright markers in ``frame``, by id; of two with one id, the higher one."""
         height, width = frame.image.shape
-        # a marker's outline has 2 * MIN_SIDE pixels or more; with smaller ones, images of 160 x 120
-        # px that are full of texture take twenty times as long
+        # a marker's outline has 2 * MIN_SIDE px; smaller ones cost 160 x 120 px 20 times the time
         self._settings.minMarkerPerimeterRate = max(0.03, 1.6 * MIN_SIDE / max(height, width))
         self._detector.setDetectorParameters(self._settings)
         quads, ids, _ = self._detector.detectMarkers(frame.image)

@@ -40,6 +40,7 @@ SUITE = "entries: [{world: empty, missions: [straight], set: {mission.timeout: 1
 
 ROOT = Path(__file__).parents[2]
 SCREENS = Path(__file__).with_name("screens")
+PLAIN = [{"NO_COLOR": "1"}, {"TERM": "dumb"}]
 
 VOLATILE = [
     (r"\d+\.\d x real time \(\d+\.\d s\)", "#.# x real time (#.# s)"),
@@ -168,9 +169,6 @@ def test_the_screen_of_perceived_images(place: Path) -> None:
     save(place, APPROACH)
     images = sorted(file.name for file in place.glob("image_*.png"))
     assert_screen("perceive", shown(place, "perceive", *images, "--hfov", "60"))
-
-
-PLAIN = [{"NO_COLOR": "1"}, {"TERM": "dumb"}]
 
 
 @pytest.mark.parametrize("setting", PLAIN, ids=str)

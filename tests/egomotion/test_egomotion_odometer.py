@@ -103,6 +103,10 @@ def test_bias_is_not_learnt_while_moving_or_just_stopped() -> None:
     assert drive.odometry.yaw_bias == pytest.approx(0.06, abs=0.01)
 
 
+def test_slow_driving_is_no_standstill() -> None:
+    assert not Drive(bias=0.01).go(2.0, 0.005, 0.0).still
+
+
 @pytest.mark.parametrize("told", [True, False])
 def test_the_begin_of_a_turn_is_not_learnt_as_bias(told: bool) -> None:
     drive = Drive(bias=0.01)

@@ -165,10 +165,7 @@ def test_two_drives_through_the_same_rooms_become_one_map(tmp_path: Path) -> Non
 @pytest.mark.thorough
 @pytest.mark.parametrize(
     "missing",
-    [
-        ("wheels", "gyro"),
-        *(pytest.param(one, marks=pytest.mark.slow) for one in (("wheels",), ("gyro",))),
-    ],
+    [("wheels", "gyro"), *(pytest.param((k,), marks=pytest.mark.slow) for k in ("wheels", "gyro"))],
 )
 def test_the_floor_takes_the_place_of_missing_sensors(
     missing: tuple[str, ...], drive: Path
