@@ -157,9 +157,9 @@ window in front that is none, from which no earlier pair's floor is held."""
 _LEADS = 0.34
 """Share of the pairs by which other regions have to lead the present ones to replace them."""
 
-_RIGHT, _EVEN = 0.83, 0.5
-"""Share of the named nearest objects that are right by the labels: 315 of 378, and if few pairs
-show the present regions 3 of 6."""
+_RIGHT, _FADING = 0.81, 0.15
+"""Share of the named nearest objects that are right by the tuning labels, at full, a third and a
+seventh of the frame rate, and its loss per second of age; how many pairs agree says nothing."""
 
 _FLOOR, _THING = 0.99, 0.97
 """Share of named floors in front that are right: 346 of 346, by the rule of succession 0.99; of
@@ -306,8 +306,7 @@ class HeldWords:
             else {name: next(t for q, t in terms.items() if q in name) for name in parts}
             for layer, parts in last.layers.items()
         }
-        share = sets.count(regions) / len(sets)
-        return layers, (min(max(share, _EVEN), _RIGHT), last.time)
+        return layers, (_RIGHT - _FADING * (percept.time - last.time), last.time)
 
 
 def with_nearest(

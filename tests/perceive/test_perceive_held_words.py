@@ -121,10 +121,10 @@ def test_no_object_is_held_where_the_floor_is_seen() -> None:
 @pytest.mark.parametrize("rate", [4.0, 10.0, 30.0])
 def test_words_without_evidence_end_after_half_a_second(rate: float) -> None:
     wall, silent = said({"P1": "middle"}, WALL), round(HELD * rate)
-    _, of = last(HeldWords(), wall, *[None] * silent, rate=rate)
-    assert {what: one.age for what, one in of.items()} == pytest.approx(
-        dict.fromkeys(("nearest", "front", "floor"), silent / rate)
-    )
+    new, of = (last(HeldWords(), wall, *[None] * n, rate=rate)[1] for n in (0, silent))
+    ages = dict.fromkeys(("nearest", "front", "floor"), silent / rate)
+    assert {what: one.age for what, one in of.items()} == pytest.approx(ages)
+    assert 0.5 < of["nearest"].probability < new["nearest"].probability
     gone, none = last(HeldWords(), wall, *[None] * (silent + 1), rate=rate)
     assert not none
     assert "nearest object is unknown" in gone.sentence
