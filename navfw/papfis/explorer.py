@@ -310,12 +310,10 @@ class Explorer(Planner):
         if self._choice is not None and self._pursuit is not None:
             before = self._choice.frontier
             same = _nearest(frontiers, (before.x, before.y))
-            if same is not None:
-                kept = frontiers.index(same)
-                best = kept if merits[best] <= merits[kept] + self.params.keep else best
-                if best != kept:
-                    self._pursuit = None
-            else:
+            kept = -1 if same is None else frontiers.index(same)
+            if kept >= 0 and merits[best] <= merits[kept] + self.params.keep:
+                best = kept
+            if best != kept:
                 self._pursuit = None
         if self._pursuit is None:
             self._pursuit = Pursuit(time, frontiers[best].length, ground.known_area)
@@ -327,8 +325,7 @@ class Explorer(Planner):
         self, frontiers: Sequence[Frontier], ground: KnownGround, time: float
     ) -> list[float]:
         """Return the times [s] that are left after each of ``frontiers`` and the way home."""
-        began = time if self._began is None else self._began
-        driving = time - began
+        driving = 0.0 if self._began is None else time - self._began
         speed = _USUAL if driving < _WELL_KNOWN else max(self._driven / driving, _SLOW)
         left = self.params.limit - driving - _SPARE_TIME
         if not self.params.return_home:

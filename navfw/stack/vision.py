@@ -125,7 +125,6 @@ class Vision:
             moving_objects=settings.movers.detect,
             stixels=settings.stixels and settings.floor_model and settings.derotate,
         )
-
         self.detect: MoverDetection = self._detector.detect
 
     def reset(self) -> None:
