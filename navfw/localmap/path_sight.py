@@ -41,6 +41,8 @@ _STRIDE = 4  # chosen
 _SUDDEN = 0.5  # chosen
 """Ratio of the newest percept's share of cells to the mean below which the path has changed: pairs
 of frames from before and after something appeared there do not match."""
+_SETTLE = 4  # chosen
+"""Percepts for which the path still counts as changed after two such ones: the map needs some."""
 _APPEARED, _STEADY = 0.6, 0.87  # measured
 """Ratio of shares of two percepts in a row to the two before, below which something has appeared if
 the mean was steady: at least the second value. Turning, or on coarse texture, it falls slowly."""
@@ -77,6 +79,7 @@ class PathSight:
         """Return to the start of a run: until the first percept the path counts as well seen."""
         self.texture, self.contrast, self.covariance = 1.0, math.inf, math.inf
         self._shares, self._means = [1.0] * 4, [-1.0] * 2
+        self._unsettled = 0
 
     @property
     def weak(self) -> bool:
@@ -85,8 +88,8 @@ class PathSight:
 
     @property
     def changed(self) -> bool:
-        """Whether the newest percept has suddenly matched far less of the path than before."""
-        return self._shares[-1] < _SUDDEN * self.texture
+        """Whether the newest percept, or two in a row before it, matched far less of the path."""
+        return self._unsettled > 0
 
     @property
     def appeared(self) -> bool:
@@ -122,6 +125,8 @@ class PathSight:
         self._shares, self._means = [*self._shares[1:], share], [self._means[1], self.texture]
         first = self._means[0] < 0.0
         self.texture = share if first else self.texture + SHARE * (share - self.texture)
+        sudden, again = share < _SUDDEN * self.texture, self._unsettled > 0
+        self._unsettled = 1 + again * _SETTLE if sudden else max(self._unsettled - 1, 0)
 
     def observe_image(self, image: Image) -> None:
         """Update contrast and covariance by the newest valid image (height, width)."""

@@ -110,18 +110,16 @@ def test_on_the_first_way_it_creeps_with_weak_sight_all_the_same(
     ],
 )
 def test_the_cells_of_the_path_decide(known: float, low: bool, weak: bool, none: bool) -> None:
-    sight = PathSight(ROBOT)
-    assert not sight.weak, "no judgement before the first percept"
-    sight.observe(percept(known, low))
+    assert not seen_by().weak, "no judgement before the first percept"
+    sight = seen_by(percept(known, low))
     assert (sight.weak, sight.none, bool(sight.judgement.trouble)) == (weak, none, weak)
 
 
 @pytest.mark.parametrize(("confidence", "none"), [(0.01, False), (0.0099, True)])
 def test_a_cell_is_known_from_a_confidence_of_a_hundredth_on(confidence: float, none: bool) -> None:
     made = percept()
-    sight = PathSight(ROBOT)
-    sight.observe(replace(made, confidence=np.full(made.confidence.shape, confidence)))
-    assert sight.none == none
+    faint = replace(made, confidence=np.full(made.confidence.shape, confidence))
+    assert seen_by(faint).none == none
 
 
 def seen_by(*percepts: Percept) -> PathSight:
@@ -131,8 +129,12 @@ def seen_by(*percepts: Percept) -> PathSight:
     return sight
 
 
-def test_single_percepts_do_not_change_the_judgement() -> None:
-    assert not seen_by(percept(), percept(0.0)).weak
+def test_two_sudden_percepts_change_the_path_for_four_more_but_not_the_judgement() -> None:
+    sight = seen_by(percept(), *[percept(0.0)] * 2)
+    for left in range(5, -1, -1):
+        assert (sight.weak, sight.changed) == (False, left > 0)
+        sight.observe(percept())
+    assert not seen_by(percept(), percept(0.0), percept()).changed
     assert seen_by(percept(), *[percept(0.0)] * 21).none
 
 
