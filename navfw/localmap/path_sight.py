@@ -42,7 +42,7 @@ _SUDDEN = 0.5  # chosen
 """Ratio of the newest percept's share of cells to the mean below which the path has changed: pairs
 of frames from before and after something appeared there do not match."""
 _SETTLE = 4  # chosen
-"""Percepts for which the path still counts as changed after two such ones: the map needs some."""
+"""Percepts after two such ones for which the path still counts as changed: the map needs hits."""
 _APPEARED, _STEADY = 0.6, 0.87  # measured
 """Ratio of shares of two percepts in a row to the two before, below which something has appeared if
 the mean was steady: at least the second value. Turning, or on coarse texture, it falls slowly."""
