@@ -200,7 +200,7 @@ class ExploreSpec(StrictModel):
     limit: Annotated[
         float,
         Field(gt=0.0, le=7200.0, description="time to be back at the start, or to stop [s]"),
-    ] = 600.0
+    ] = 1800.0
     return_home: Annotated[
         bool, Field(alias="return", description="drive back to the start; false: stop anywhere")
     ] = True

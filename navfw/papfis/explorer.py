@@ -91,7 +91,7 @@ class Explorer(Planner):
             Field(
                 gt=0.0, le=7200.0, description="time to be back at the start, from the first [s]"
             ),
-        ] = 600.0
+        ] = 1800.0
         return_home: Annotated[
             bool, Field(description="drive back to the start; false: stop where it ends")
         ] = True
@@ -148,7 +148,7 @@ class Explorer(Planner):
         self._waypoint: Waypoint | None = None
         self._way: list[Waypoint] = []
         self._no_route: str | None = None
-        self._out_of_time = self._done = self._insists = False
+        self._done = self._insists = False
 
     def start(self, topo_map: TopoMap, goals: Sequence[Waypoint]) -> None:
         """Start an exploration that ends at the last of ``goals``, or where it begins."""
@@ -296,8 +296,9 @@ class Explorer(Planner):
         """Choose among ``candidates`` for which there is time; None if there is none."""
         reserves = self._reserves(candidates, ground, time)
         fitting = [(f, r) for f, r in zip(candidates, reserves, strict=True) if r > 0.0]
-        self._out_of_time = bool(candidates) and not fitting
         if not fitting or self._pose is None:
+            why = f"no time was left of {self.params.limit:.0f} s"
+            self._left += [GivenUp(f.x, f.y, f.gain, why) for f in candidates]
             return None
         frontiers = [f for f, _ in fitting]
         rows = inputs_of(frontiers, self._pose, [r for _, r in fitting])
@@ -360,8 +361,7 @@ class Explorer(Planner):
         """What was left unexplored, and why."""
         left = [f"({g.x:.1f}, {g.y:.1f}): {g.reason}" for g in self._left]
         left += [f"({x:.1f}, {y:.1f}): the passage is too narrow" for x, y in self._narrow]
-        late = ["no time was left for what is beyond the last frontiers"] * self._out_of_time
-        return "; ".join([*late, *left])
+        return "; ".join(left)
 
     def explain_choice(self) -> dict[str, Any]:
         """Explain the choice of the frontier: inputs, merit, the rules that fired, the others."""
