@@ -5,7 +5,8 @@ A project is the nearest folder, from the working folder upwards, that has a ``n
 
 A project has the same folders as navfw's repository, with plugins in ``behaviors/*.py``. A file of
 the project takes precedence over the shipped one of the same name, and that over the one of an
-installed package. Packages of ROS are folders, whose roots are given by environment variables.
+installed package. Outside of a project the working folder's files come last: those that navfw just
+wrote there. Packages of ROS are folders, whose roots are given by environment variables.
 """
 
 from __future__ import annotations
@@ -85,6 +86,8 @@ def _roots(room: str = "") -> Iterator[tuple[_Source, Path]]:
     yield "shipped", _PACKAGE / room if room else shipped_folder()
     for folder in file_folders():
         yield "installed", folder
+    if project_folder() is None:
+        yield "project", Path()
 
 
 def plugin_folders() -> list[Path]:
@@ -201,12 +204,10 @@ def _as_path(kind: str, name: str | Path, base: Path | None) -> Path | None:
 
 
 def _pick(kind: str, name: str, files: Iterable[NamedFile]) -> Path:
-    others = set()
-    for file in files:
-        if file.name == name:
-            return file.path
-        others.add(file.name)
-    raise UnknownNameError(kind, name, sorted(others))
+    paths = {file.name: file.path for file in reversed([*files])}
+    if name not in paths:
+        raise UnknownNameError(kind, name, sorted(paths))
+    return paths[name]
 
 
 def _matching(root: Path, pattern: str, source: _Source) -> Iterator[NamedFile]:
@@ -218,9 +219,7 @@ def _matching(root: Path, pattern: str, source: _Source) -> Iterator[NamedFile]:
 
 
 def _first_of_each_name(files: Iterator[NamedFile]) -> list[NamedFile]:
-    by_name: dict[str, NamedFile] = {}
-    for file in files:
-        by_name.setdefault(file.name, file)
+    by_name = {file.name: file for file in reversed([*files])}
     return sorted(by_name.values(), key=lambda file: file.name)
 
 

@@ -77,6 +77,13 @@ def test_unknown_names_get_the_nearest(shipped: Path, kind: str, name: str, near
         lookup.find(kind, name)
 
 
+def test_outside_of_a_project_the_working_folders_files_come_last(shipped: Path) -> None:
+    made = write(Path("maps/house.yaml"))
+    write(Path("maps/office.yaml"))
+    assert names(lookup.list_files("map")) == ["house (project)", "office (shipped)"]
+    assert lookup.find("map", "house") == made
+
+
 def test_a_project_adds_files_and_takes_precedence(shipped: Path, project: Path) -> None:
     own = write(project / "worlds/office/world.yaml")
     write(project / "worlds/barn/world.yaml")
