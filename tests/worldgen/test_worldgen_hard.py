@@ -17,14 +17,12 @@ from navfw.worldgen import generate
 from navfw.worldgen.generation import GeneratedWorld
 
 RADIUS = RobotModel().radius
-SEEDS = range(50)
-"""The public seeds."""
 
 
 @pytest.fixture(scope="module")
 def made() -> list[GeneratedWorld]:
-    """The worlds of the public seeds, with the difficulties that the suite draws."""
-    return [generate("hard", seed, draw_difficulty((0.0, 1.0), seed) or 0.0) for seed in SEEDS]
+    """Worlds of the first public seeds, with the difficulties that the suite draws."""
+    return [generate("hard", seed, draw_difficulty((0.0, 1.0), seed) or 0.0) for seed in range(20)]
 
 
 def with_doors_closed(world: GeneratedWorld) -> WorldSpec:
@@ -71,7 +69,7 @@ def test_every_hazard_is_in_a_share_of_the_worlds_that_list_it(
 ) -> None:
     counts = Counter(name for world in made for name in world.world.hazards)
     assert len(counts) == 7
-    assert all(10 <= count <= 40 for count in counts.values()), counts
+    assert all(4 <= count <= 16 for count in counts.values()), counts
     assert load_world(made[0].write(tmp_path / "made") / "world.yaml").hazards
     for world in made:
         hazards, spec = set(world.world.hazards), world.world
