@@ -73,7 +73,7 @@ class SuiteOptions:
     variant: list[str] | None = option(None, "Run only this variant of the suite. May be repeated.")
     keep: Keep = option("failed", "Runs whose trajectory picture is kept.")
     record: Keep = option("none", "Runs whose recording is kept, for a report.")
-    limit: Limit = 900.0
+    limit: Limit = 3600.0
     memory: Memory = 2000.0
     engine: EngineName = "processes"
     scheduler: Scheduler = None
