@@ -88,9 +88,7 @@ class Explorer(Planner):
 
         limit: Annotated[
             float,
-            Field(
-                gt=0.0, le=7200.0, description="time to be back at the start, from the first [s]"
-            ),
+            Field(gt=0.0, le=7200.0, description="time to be back at the start [s]"),
         ] = 1800.0
         return_home: Annotated[
             bool, Field(description="drive back to the start; false: stop where it ends")
@@ -98,9 +96,7 @@ class Explorer(Planner):
         rules: Annotated[
             str | None,
             Field(
-                min_length=1,
-                max_length=1000,
-                description="file of the rules that rate frontiers; none: those that ship",
+                min_length=1, max_length=1000, description="file of rules; none: those that ship"
             ),
         ] = None
         keep: Annotated[
@@ -240,6 +236,7 @@ class Explorer(Planner):
         self._narrow = narrow_passages(ground, costs)
         self._give_up(frontiers, ground, time)
         self._left = [g for g in self._given_up if any(g.is_at(f) for f in frontiers)]
+        self._given_up = [g.seen_from(at) for g in self._given_up]
         large = [f for f in frontiers if f.gain >= least]
         candidates = [f for f in large if not any(g.covers(f) for g in self._given_up)]
         self._insists = False
@@ -276,8 +273,8 @@ class Explorer(Planner):
             patience = _LONG_LOOK
         elif arrived and apart < _TOO_NEAR:
             patience = 0.0
-        if self._pursuit.idle(time) >= patience:
-            before_that = [g for g in self._given_up if g.covers(now)]
+        if time - self._pursuit.since >= patience:
+            before_that = [g for g in self._given_up if g.covers(now) or (g.open and g.is_at(now))]
             tries = 1 + max((g.tries for g in before_that), default=0)
             self._given_up = [g for g in self._given_up if g not in before_that]
             self._given_up.append(GivenUp(now.x, now.y, now.gain, self._why(), tries))
@@ -285,10 +282,8 @@ class Explorer(Planner):
 
     def _why(self) -> str:
         """Say why the frontier ahead is given up, by the last report on the leg to it."""
-        status = dict(self._report.passages) if self._report is not None else {}
-        if "closed" in status.values():
-            return "the way there is too narrow or blocked"
-        return "nothing can be seen there"
+        closed = self._report is not None and "closed" in dict(self._report.passages).values()
+        return "the way there is too narrow or blocked" if closed else "nothing can be seen there"
 
     def _chosen(
         self, candidates: Sequence[Frontier], ground: KnownGround, time: float

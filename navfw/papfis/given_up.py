@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -21,35 +21,33 @@ _CHANGED = 0.3  # chosen
 """Share by which the gain of a frontier that was given up changes until it is tried again."""
 _ROOM = 0.4  # chosen
 """Area [m^2] of floor on which the body has room, but to which no path leads, that is reported."""
+_MUCH, _AWAY = 2.0, 1.2  # chosen
+"""Gain [m^2] of a frontier that is tried again at once, and the robot's distance [m] for that."""
 
 
 class Pursuit:
     """Watches whether a robot makes progress on its way to one frontier, from ``time`` [s] on.
 
     ``length`` [m] is that of the path there, and stays as ``begin``; ``known`` [m^2] is the area
-    of the floor that is known.
+    of the floor that is known. There is no progress ``since`` then [s].
     """
 
     def __init__(self, time: float, length: float, known: float) -> None:
-        self._since, self._length, self._known = time, length, known
+        self.since, self._length, self._known = time, length, known
         self.begin = length
 
     def update(self, time: float, length: float, known: float) -> None:
         """Take in a plan at ``time`` [s]: its ``length`` [m], and the ``known`` area [m^2]."""
         if length < self._length - _NEARER or known > self._known + _SEEN:
-            self._since, self._known = time, known
+            self.since, self._known = time, known
             self._length = min(length, self._length)
-
-    def idle(self, time: float) -> float:
-        """Return the time [s] without progress."""
-        return time - self._since
 
 
 @dataclass(frozen=True, slots=True)
 class GivenUp:
     """A frontier at x, y [m, map] that was given up for a ``reason``, at a ``gain`` [m^2].
 
-    ``tries`` is how often that was so.
+    ``tries`` is how often that was so. It is ``open`` while it is tried again.
     """
 
     x: float
@@ -57,10 +55,17 @@ class GivenUp:
     gain: float
     reason: str
     tries: int = 1
+    open: bool = False
+
+    def seen_from(self, robot: tuple[float, float]) -> GivenUp:
+        """Open it once if it is large, and a ``robot`` at x, y [m] can come facing it."""
+        away = math.dist((self.x, self.y), robot) >= _AWAY
+        return replace(self, open=True) if away and self.tries == 1 and self.gain >= _MUCH else self
 
     def covers(self, frontier: Frontier) -> bool:
         """Return whether ``frontier`` is the one that was given up, and nothing has changed."""
-        return self.is_at(frontier) and abs(frontier.gain - self.gain) <= _CHANGED * self.gain
+        changed = abs(frontier.gain - self.gain) > _CHANGED * self.gain
+        return self.is_at(frontier) and not (changed or self.open)
 
     def is_at(self, frontier: Frontier) -> bool:
         """Return whether ``frontier`` is where this one was given up, changed or not."""

@@ -9,14 +9,12 @@ from hash_table import WITH_AVX2, WITH_AVX512, Settings, measured_hashes, stored
 from processes import python
 
 from navfw.missions import prepare
-from navfw.suite.suite_folder import SuiteFolder
 
 MISSION = ("paper-room", "through-the-door")
 SEED = 11
 TIMEOUT = "mission.timeout=4"
 RUN = [*MISSION, "--seed", str(SEED), "--set", TIMEOUT]
 NAVFW = "from navfw.cli import main; main()"
-SUITE = "entries: [{world: paper-room, missions: [through-the-door]}]"
 
 TOGETHER: dict[str, Settings] = {
     "first": {"PYTHONHASHSEED": "0", **threads(1), "LC_ALL": "C", "PYTHONUTF8": "0"},
@@ -58,15 +56,6 @@ def test_the_commands_are_those_of_any_other_process(
     folder.mkdir()
     words = ("--record",) if name == "first" else ("--out", str(tmp_path / "out"))
     assert hash_of(folder, TOGETHER[name], [*RUN, *words]) == expected
-
-
-@pytest.mark.slow
-def test_the_commands_of_a_suite_s_workers_are_the_same(expected: str, tmp_path: Path) -> None:
-    (tmp_path / "short.yaml").write_text(SUITE)
-    words = ["suite", "short.yaml", "--seeds", f"{SEED}:{SEED + 1}", "--set", TIMEOUT]
-    python(NAVFW, *words, "--workers", "2", "--out", "table", cwd=tmp_path)
-    (row,) = SuiteFolder(tmp_path / "table").rows()
-    assert row.command_hash == expected
 
 
 OFFICE = ("office", "lobby-to-lab")

@@ -180,11 +180,11 @@ def test_the_turn_is_to_the_begin_of_the_path() -> None:
 def test_progress_is_a_shorter_path_or_new_floor() -> None:
     pursuit = Pursuit(0.0, 5.0, 10.0)
     pursuit.update(4.0, 4.9, 10.0)
-    assert pursuit.idle(4.0) == 4.0
+    assert pursuit.since == 0.0
     pursuit.update(5.0, 4.7, 10.0)
-    assert pursuit.idle(6.0) == 1.0
+    assert pursuit.since == 5.0
     pursuit.update(8.0, 6.0, 11.0)
-    assert pursuit.idle(8.0) == 0.0
+    assert pursuit.since == 8.0
 
 
 def test_a_frontier_that_was_given_up_counts_again_when_it_changes() -> None:
@@ -263,9 +263,10 @@ def with_doorway(width: float) -> Evidence:
     return evidence
 
 
-def choice_at(evidence: Evidence, x: float) -> dict[str, Any]:
-    """What an explorer at (x, 1.5) [m] chooses first."""
+def choice_at(evidence: Evidence, x: float, *given_up: GivenUp) -> dict[str, Any]:
+    """What an explorer at (x, 1.5) [m] chooses first, or after it has ``given_up`` others."""
     planner = explorer(return_home=False)
+    planner._given_up = [*given_up]
     planner.observe_grid(GrownGrid(evidence, (0.0, 0.0), CELL))
     planner.update(Belief(0.0, Pose(x, 1.5, 0.0), np.zeros((3, 3))))
     return planner.explain_choice()
@@ -294,6 +295,16 @@ def test_crumbs_far_off_are_left(x: float, worth: bool) -> None:
     evidence = grid_of(free, occupied & ~free).log_odds.copy()
     evidence[25:33, 172:180] = 0
     assert ("x" in choice_at(evidence, x)) == worth
+
+
+@pytest.mark.parametrize(("tries", "x", "anew"), [(1, 1.7, True), (1, 2.3, False), (2, 1.7, False)])
+def test_what_is_large_is_tried_again_once_from_afar(tries: int, x: float, anew: bool) -> None:
+    evidence = grid_of(*room(4.0, 3.0)).log_odds.copy()
+    evidence[:, 60:] = 0
+    first = choice_at(evidence, 1.7)
+    left = GivenUp(first["x"], first["y"], first["inputs"]["gain"], "", tries)
+    chosen = choice_at(evidence, x, left)
+    assert ((chosen["x"], chosen["y"]) == (left.x, left.y)) == anew
 
 
 @pytest.mark.thorough
@@ -332,8 +343,7 @@ def test_where_nothing_can_be_seen_is_given_up_and_listed() -> None:
     assert math.dist((walk.x, walk.y), (1.0, 1.0)) <= 0.2
     assert "nothing can be seen there" in walk.planner.notes
     given_up = walk.planner.explain_choice()["given_up"]
-    assert given_up
-    assert all(left["x"] > 3.9 for left in given_up)
+    assert min(left["x"] for left in given_up) > 3.9
 
 
 def test_the_choice_is_kept_and_explained() -> None:
