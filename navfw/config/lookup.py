@@ -204,10 +204,12 @@ def _as_path(kind: str, name: str | Path, base: Path | None) -> Path | None:
 
 
 def _pick(kind: str, name: str, files: Iterable[NamedFile]) -> Path:
-    paths = {file.name: file.path for file in reversed([*files])}
-    if name not in paths:
-        raise UnknownNameError(kind, name, sorted(paths))
-    return paths[name]
+    others = set()
+    for file in files:
+        if file.name == name:
+            return file.path
+        others.add(file.name)
+    raise UnknownNameError(kind, name, sorted(others))
 
 
 def _matching(root: Path, pattern: str, source: _Source) -> Iterator[NamedFile]:

@@ -245,7 +245,7 @@ def _header(result: MissionResult, wide: float) -> list[tuple[str, float, str]]:
             f"{100.0 * explored.observed_share:.1f} % of {explored.reachable_m2:.0f} m2 observed"
         )
         numbers[1] = f"{share}, path {explored.path_over_tour:.2f} of a nearest-frontier tour"
-    whole = "\xa0\xa0·  ".join(number.replace(" ", "\xa0") for number in numbers)  # broken between
+    whole = "\xa0\xa0·  ".join(number.replace(" ", "\xa0") for number in numbers)  # wraps between
     title = f"{result.world} / {result.mission}, seed {result.seed}: {result.outcome}"
     return [
         (title, 13.0, _GOOD_OUTCOME if result.outcome.succeeded else _BAD_OUTCOME),

@@ -87,17 +87,14 @@ class Explorer(Planner):
         """Time limit, return, and when a frontier is kept or given up."""
 
         limit: Annotated[
-            float,
-            Field(gt=0.0, le=7200.0, description="time to be back at the start [s]"),
+            float, Field(gt=0.0, le=7200.0, description="time to be back at the start [s]")
         ] = 1800.0
         return_home: Annotated[
             bool, Field(description="drive back to the start; false: stop where it ends")
         ] = True
         rules: Annotated[
             str | None,
-            Field(
-                min_length=1, max_length=1000, description="file of rules; none: those that ship"
-            ),
+            Field(min_length=1, max_length=1000, description="file of rules; none: as shipped"),
         ] = None
         keep: Annotated[
             float,

@@ -21,7 +21,7 @@ _CHANGED = 0.3  # chosen
 """Share by which the gain of a frontier that was given up changes until it is tried again."""
 _ROOM = 0.4  # chosen
 """Area [m^2] of floor on which the body has room, but to which no path leads, that is reported."""
-_MUCH, _AWAY = 2.0, 1.2  # chosen
+_BIG, _AWAY = 2.0, 1.2  # chosen
 """Gain [m^2] of a frontier that is tried again at once, and the robot's distance [m] for that."""
 
 
@@ -60,7 +60,7 @@ class GivenUp:
     def seen_from(self, robot: tuple[float, float]) -> GivenUp:
         """Open it once if it is large, and a ``robot`` at x, y [m] can come facing it."""
         away = math.dist((self.x, self.y), robot) >= _AWAY
-        return replace(self, open=True) if away and self.tries == 1 and self.gain >= _MUCH else self
+        return replace(self, open=True) if away and self.tries == 1 and self.gain >= _BIG else self
 
     def covers(self, frontier: Frontier) -> bool:
         """Return whether ``frontier`` is the one that was given up, and nothing has changed."""

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import cv2
 import pytest
-from cli_calls import PROGRAM, answer, sole_refusal
+from cli_calls import PROGRAM, answer, put_file, sole_refusal
 from killing import Started
 from processes import python
 
@@ -33,11 +33,12 @@ KEYS = """
 
 
 def test_a_run_answers_with_its_result_and_keeps_it_in_its_folder(tmp_path: Path) -> None:
+    put_file(tmp_path, "runs/paper-room-through-the-door-5/result.json", "{}")
     done = python(PROGRAM, *SHORT, "--json", cwd=tmp_path)
     assert done.returncode == 1, done.stderr  # 3 s are too short: a run that fails
     assert "m to go" in done.stderr
     answer = json.loads(done.stdout)
-    assert answer["run_folder"] == "runs/paper-room-through-the-door-5"
+    assert answer["run_folder"] == "runs/paper-room-through-the-door-5-2"
     assert [key for key in KEYS.split() if key not in answer] == []
     assert (answer["outcome"], answer["collisions"]) == ("timeout", 0)
     place = (answer["world"], answer["mission"], answer["seed"])

@@ -18,7 +18,7 @@ NAVFW = "from navfw.cli import main; main()"
 
 TOGETHER: dict[str, Settings] = {
     "first": {"PYTHONHASHSEED": "0", **threads(1), "LC_ALL": "C", "PYTHONUTF8": "0"},
-    "second": {"PYTHONHASHSEED": "7", **threads(2), "TZ": "Asia/Tokyo", "LC_ALL": "tr_TR.UTF-8"},
+    "second": {"PYTHONHASHSEED": "7", **threads(2), "TZ": "Asia/Kabul", "LC_ALL": "tr_TR.UTF-8"},
 }
 """Environment variables, several at once; where a locale is not installed, C is used."""
 
