@@ -277,7 +277,8 @@ class HeldWords:
             return "unknown", (0.0, 0.0)
         if soon and named == "open":
             return "unknown", (0.0, 0.0)
-        since = max(one.time for one in fronts if one.front.get(named, 0.0) >= mean[named])
+        share = mean[named] - 1e-9  # a mean of equal numbers may be rounded up
+        since = max(one.time for one in fronts if one.front.get(named, 0.0) >= share)
         return named, (mean[named], since)
 
     def _nearest(

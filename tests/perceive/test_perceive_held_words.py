@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from navfw.offis import Offis
@@ -21,6 +21,7 @@ SEEN = replace(SEEN, label=np.full_like(SEEN.label, Label.UNKNOWN))
 TERMS = st.sampled_from(["near", "middle", "far"])
 QUADRANTS = ("P1", "P2", "P3", "P4")
 WALL, OPEN = {"wall": 0.9, "other": 0.1}, {"open": 0.9, "other": 0.1}
+FRONTS = st.sampled_from([{}, WALL, OPEN, {"wall": 0.72}])
 Pair = tuple[Percept, Mapping[str, float]]
 
 
@@ -39,6 +40,9 @@ def said(
     return replace(percept, floor_in_front=float(floor)), front or {}
 
 
+PAIRS = st.builds(said, st.dictionaries(st.sampled_from(QUADRANTS), TERMS), FRONTS)
+
+
 def last(
     held: HeldWords, *pairs: Pair | None, rate: float = 20.0, begin: float = 0.0
 ) -> tuple[Percept, dict[str, Statement]]:
@@ -48,8 +52,7 @@ def last(
     for number, pair in enumerate(pairs):
         percept, front = said(None, floor=False) if pair is None else pair
         percept = replace(percept, time=begin + number / rate)
-        known, contact = pair is not None, 9.0
-        result, statements = held.hold(percept, front, contact, known=known)
+        result, statements = held.hold(percept, front, 9.0, known=pair is not None)
     return result, {one.what: one for one in statements}
 
 
@@ -59,9 +62,8 @@ def test_a_word_of_one_pair_alone_is_not_said() -> None:
     assert result.obstacles["layer1"] == {"P2": "far"}
     assert of["front"].says == "Front is a wall"
     assert of["front"].probability == pytest.approx((0.9 + 0.9 + 0.4) / 3)
-    assert [of[what].age for what in ("nearest", "front", "floor")] == pytest.approx(
-        [0.05, 0.05, 0]
-    )
+    ages = [of[what].age for what in ("nearest", "front", "floor")]
+    assert ages == pytest.approx([0.05, 0.05, 0])
     changed, _ = last(HeldWords(), usual, other, other, other, other)
     assert changed.obstacles["layer1"] == {"P1": "far"}
 
@@ -140,10 +142,8 @@ def test_another_scene_begins_without_the_words_of_the_last() -> None:
     assert "front" not in of
 
 
-@given(
-    st.lists(st.none() | st.dictionaries(st.sampled_from(QUADRANTS), TERMS).map(said), max_size=12),
-    st.sampled_from([3.0, 20.0]),
-)
+@given(st.lists(st.none() | PAIRS, max_size=12), st.sampled_from([3.0, 20.0]))
+@example([said({}, {"wall": 0.72})] * 3, 20.0)  # their mean is above 0.72
 def test_sentence_layers_and_statements_never_contradict(
     pairs: list[Pair | None], rate: float
 ) -> None:
