@@ -8,11 +8,12 @@ without a neighbour for flow are processed as a sequence, too: nothing should be
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property, lru_cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -46,6 +47,7 @@ from navfw_benchmarks.bench.real_labels import (
     yaw_rates,
     yaw_summary,
 )
+from navfw_benchmarks.bench.rendered_scenes import KINDS, RATE, render_scenes
 
 _LEAD = 6
 """Number of images before the first labelled one of a part that are processed as well."""
@@ -174,6 +176,40 @@ def bench_real(
     return {"split": split, "frames": frames, "flows": by_flow}
 
 
+def bench_scenes(
+    count: int,
+    split: str,
+    flows: Sequence[str],
+    registry: Registry,
+    report: ProgressCallback = silent,
+) -> dict[str, Any]:
+    """As ``bench_real``, on ``count`` rendered sequences of each kind in ``split``.
+
+    The field of view is known, as of real cameras. Parts are the kinds.
+    """
+    found = {flow: defaultdict[str, _Findings](_Findings) for flow in flows}
+    kinds = [kind for kind, what in KINDS.items() if split in (what.split, "all")]
+    frames = 0
+    for kind in kinds:
+        with TemporaryDirectory() as name:
+            for number, (hfov, labels) in enumerate(render_scenes(kind, count, Path(name))):
+                report(f"{kind}, {number + 1} of {count}")
+                frames += len(labels)
+                for flow, parts in found.items():
+                    source = open_source([Path(name, labels[0].folder)], RATE)
+                    perceiver = Perceiver(PerceiverOptions(hfov, flow=flow), source, registry)
+                    parts[kind] += _judged(_by_name(perceiver), labels)
+    by_flow = {
+        flow: {
+            "parts": {kind: findings.row() for kind, findings in parts.items()},
+            "singles": {},
+            "total": sum(parts.values(), _Findings()).row(),
+        }
+        for flow, parts in found.items()
+    }
+    return {"split": split, "frames": frames, "flows": by_flow}
+
+
 def tables(result: Mapping[str, Any]) -> Iterator[ResultTable]:
     """The parts, their total and the single photographs, by flow processor."""
     rows = [
@@ -282,7 +318,7 @@ def _part(data: Path, labels: Sequence[FrameLabel], flow: str, registry: Registr
     folder = labels[0].folder
     perceiver, gyro = open_part(data, labels, flow, registry)
     source = perceiver.source
-    results = {Path(item.name).name: result for item, result in perceiver.results()}
+    results = _by_name(perceiver)
     findings = _judged(results, labels)
     if gyro is not None and source.start is not None:
         findings.yaw.append(yaw_rates(results.values(), source.start, gyro))
@@ -298,6 +334,11 @@ def _part(data: Path, labels: Sequence[FrameLabel], flow: str, registry: Registr
             moved = camera_displacement(past.pose, now.pose)
             findings.nearness.append(nearness_errors(result, perceiver.size, now.depth(), moved))
     return findings
+
+
+def _by_name(perceiver: Perceiver) -> dict[str, PairResult]:
+    """The results of all pairs by the name of their second image."""
+    return {Path(item.name).name: result for item, result in perceiver.results()}
 
 
 def _judged(results: Mapping[str, PairResult], labels: Sequence[FrameLabel]) -> _Findings:

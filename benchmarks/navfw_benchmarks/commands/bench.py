@@ -17,6 +17,7 @@ from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError
 
 if TYPE_CHECKING:
+    from navfw.plugins import Registry
     from navfw.process.result_table import ResultTable
     from navfw.process.work_progress import ProgressCallback
 
@@ -200,29 +201,65 @@ def landmarks(
     _bench("landmarks", options, measure, tables, json=json, quiet=quiet)
 
 
+_Split = Annotated[str, typer.Option(help="Labelled frames: tuning, test or all.")]
+_Flows = Annotated[
+    list[str] | None,
+    typer.Option(help="Flow processor, repeatable. Default: perceive's and OpenCV's."),
+]
+
+
 def real(
     data: Annotated[Path, typer.Option(help="Folder of the recordings.")],
-    split: Annotated[str, typer.Option(help="Labelled frames: tuning, test or all.")] = "test",
-    flow: Annotated[
-        list[str] | None,
-        typer.Option(help="Flow processor, repeatable. Default: perceive's and OpenCV's."),
-    ] = None,
+    split: _Split = "test",
+    flow: _Flows = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
     """Judge perception on real frames by labels. Counts right, partly right, wrong and silent."""
     with quiet_stdout():
+        from navfw_benchmarks.bench import real_benchmark
+
+    options = {"data": "DIR", "split": split, "flow": flow or []}
+    _judge("real", options, partial(real_benchmark.bench_real, data), json=json, quiet=quiet)
+
+
+def scenes(
+    count: Annotated[int, typer.Option(min=1, max=1000, help="Sequences of each kind.")] = 8,
+    split: _Split = "test",
+    flow: _Flows = None,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Judge perception on hard scenes, rendered. Gloss, low things, blur and other kinds."""
+    with quiet_stdout():
+        from navfw_benchmarks.bench import real_benchmark
+
+    options = {"count": count, "split": split, "flow": flow or []}
+    _judge("scenes", options, partial(real_benchmark.bench_scenes, count), json=json, quiet=quiet)
+
+
+def _judge(
+    command: str,
+    options: Mapping[str, Any],
+    measure: Callable[[str, list[str], Registry, ProgressCallback], dict[str, Any]],
+    *,
+    json: bool,
+    quiet: bool,
+) -> None:
+    """Judge the sentences of a split with each flow processor, by default four."""
+    with quiet_stdout():
         from navfw.perceive.perceiver_options import PerceiverOptions
         from navfw.plugins import default_registry
-        from navfw_benchmarks.bench.real_benchmark import bench_real, tables
+        from navfw_benchmarks.bench.real_benchmark import tables
 
         registry = default_registry()
+    split = options["split"]
     if split not in _SPLITS:
         raise InputError(f"must be one of {', '.join(_SPLITS)}, got {split!r}", key="--split")
-    names = flow or [PerceiverOptions().flow, "dis", "lucas_kanade", "farneback"]
-    options = {"data": "DIR", "split": split, "flow": flow or []}
-    measure = partial(bench_real, data, split, names, registry)
-    _bench("real", options, measure, tables, json=json, quiet=quiet)
+    names = options["flow"] or [PerceiverOptions().flow, "dis", "lucas_kanade", "farneback"]
+    _bench(
+        command, options, partial(measure, split, names, registry), tables, json=json, quiet=quiet
+    )
 
 
 def explain(
@@ -248,5 +285,5 @@ def explain(
 
 
 bench = command_group("Measure accuracy and computing time.")
-for _command in (loop, perception, flow, real, planning, landmarks, gym, explain):
+for _command in (loop, perception, flow, real, scenes, planning, landmarks, gym, explain):
     bench.command()(_command)
