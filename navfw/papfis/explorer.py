@@ -70,6 +70,8 @@ _SLOW, _USUAL = 0.08, 0.3  # chosen
 """Lower bound [m/s] of the speed by which times are reckoned, and its value before the robot has
 driven for ``_WELL_KNOWN`` seconds."""
 _WELL_KNOWN = 20.0  # chosen
+_LOOKAHEAD = 3.0  # chosen
+"""Largest distance [m] of the waypoint."""
 _SPARE_TIME = 10.0  # chosen
 """Time [s] at home before the limit."""
 
@@ -100,17 +102,10 @@ class Explorer(Planner):
             float,
             Field(ge=0.0, le=1.0, description="merit by which another frontier must be better"),
         ] = 0.03
-        min_gain: Annotated[
-            float,
-            Field(ge=0.0, le=10.0, description="unseen floor for which a frontier counts [m^2]"),
-        ] = MIN_GAIN
         patience: Annotated[
             float,
             Field(gt=0.0, le=600.0, description="time without progress to give a frontier up [s]"),
         ] = 12.0
-        lookahead: Annotated[
-            float, Field(gt=0.1, le=20.0, description="largest distance of the waypoint [m]")
-        ] = 3.0
 
     params: Params
 
@@ -229,7 +224,7 @@ class Explorer(Planner):
         ground = KnownGround.of(grid, self.robot, at)
         costs = ground.costs_from(*at)
         seen = ground.frontiers(costs)
-        frontiers = [f for f in seen if f.gain >= max(self.params.min_gain, _TRIFLE * f.length)]
+        frontiers = [f for f in seen if f.gain >= max(MIN_GAIN, _TRIFLE * f.length)]
         self._narrow = narrow_passages(ground, costs)
         self._give_up(frontiers, ground, time)
         self._left = [g for g in self._given_up if any(g.is_at(f) for f in frontiers)]
@@ -333,7 +328,7 @@ class Explorer(Planner):
         """Set the waypoint: the farthest point of the path to ``end`` in a straight line."""
         path = ground.path_to(costs, end.x, end.y)
         self._no_route = None if len(path) else f"no known floor leads back to {end.label}"
-        self._way = ground.way(path, at, end, self.params.lookahead)
+        self._way = ground.way(path, at, end, _LOOKAHEAD)
         self._waypoint = steady(self._waypoint, self._way[0], at)
 
     # --- what others read ------------------------------------------------------------------------
