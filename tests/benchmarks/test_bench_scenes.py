@@ -9,8 +9,8 @@ from navfw_benchmarks.bench.view_truth import WallGeometry
 
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Pose
-from navfw.sim import Simulation
-from navfw.sim.worldspec import CylinderSpec, WallSpec, WorldSpec
+from navfw.sim import Simulation, WorldSpec
+from navfw.sim.worldspec import CylinderSpec, WallSpec
 
 ROBOT = RobotModel(camera=CameraModel(width=320, height=240, mount_height=0.25))
 QUADRANTS = {"upper_left", "upper_right", "lower_left", "lower_right"}
