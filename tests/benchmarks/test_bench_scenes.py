@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 from cli_calls import answer, invoke, refusal
 from navfw_benchmarks.bench import real_benchmark
-from navfw_benchmarks.bench.rendered_scenes import KINDS, label_of, mirrored
+from navfw_benchmarks.bench.rendered_scenes import KINDS, label_of, mirrored, with_low_things
+from navfw_benchmarks.bench.true_pairs import MovingPose
 from navfw_benchmarks.bench.view_truth import WallGeometry
 
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import Pose
-from navfw.sim import Simulation, WorldSpec
+from navfw.signals import Pose, Twist
+from navfw.sim import SceneGeometry, Simulation, WorldSpec
+from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import CylinderSpec, WallSpec
 
 ROBOT = RobotModel(camera=CameraModel(width=320, height=240, mount_height=0.25))
@@ -59,6 +61,14 @@ def test_labels_follow_from_depth_and_walls(
     label = label_of(WallGeometry(HALL), pose, depth, ROBOT)
     assert (set(label[0]), label[2], label[3]) == (nearest, floor, front)
     assert front not in label[4]
+
+
+def test_low_things_lie_on_the_floor() -> None:
+    plan = SceneGeometry.from_world(HALL, ROBOT.height)
+    view = MovingPose(Pose(11.2, 5.0, 0.0), Twist(0.3, 0.0))
+    world = with_low_things(np.random.default_rng(0), HALL, plan, view, KINDS["low things"])
+    check_world(world)
+    assert len(world.boxes) + len(world.cylinders) < 1 + KINDS["low things"].low
 
 
 def test_the_command_judges_each_kind(monkeypatch: pytest.MonkeyPatch) -> None:

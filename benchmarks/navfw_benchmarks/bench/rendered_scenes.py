@@ -115,7 +115,7 @@ def _drive(
             poses = [view.before(t) for t in np.linspace(0.0, (_IMAGES + 1) / RATE, 12)]
             points = np.array([(pose.x, pose.y) for pose in poses])
             if view.twist.v > 0.2 and plan.clearances(points).min() > robot.radius + MARGIN:
-                world = _with_low_things(rng, world, plan, view, what)
+                world = with_low_things(rng, world, plan, view, what)
                 return _with_surfaces(rng, world, what), view
 
 
@@ -129,7 +129,7 @@ def _with_surfaces(rng: np.random.Generator, world: WorldSpec, what: SceneKind) 
     return world.model_copy(update={"textures": {**world.textures, **floors}})
 
 
-def _with_low_things(
+def with_low_things(
     rng: np.random.Generator,
     world: WorldSpec,
     plan: SceneGeometry,
@@ -137,13 +137,14 @@ def _with_low_things(
     what: SceneKind,
 ) -> WorldSpec:
     """``world`` with up to ``what.low`` boxes and discs of 3 to 9 cm ahead of the last pose."""
-    boxes, cylinders = list(world.boxes), list(world.cylinders)
+    boxes, cylinders, floor = list(world.boxes), list(world.cylinders), (world.x, world.y)
     for number in range(what.low):
         ahead = 0.5 + 0.3 * number + float(rng.uniform(-0.03, 0.03))  # none overlaps the next
         at = view.pose.to_parent(ahead, float(rng.uniform(-0.35, 0.35)))
         height, radius = float(rng.uniform(0.03, 0.09)), float(rng.uniform(0.025, 0.1))
         name, texture = f"low-{number}", str(rng.choice(["wood", "stone", "dark"]))
-        if plan.clearance(*at) < 2.0 * radius:
+        inside = all(a + radius < x < b - radius for x, (a, b) in zip(at, floor, strict=True))
+        if not inside or plan.clearance(*at) < 2.0 * radius:
             continue
         if number % 2:
             size = (2.0 * radius, radius, height)
