@@ -25,10 +25,11 @@ from navfw.sim.camera import DepthImage
 from navfw.sim.event_actions import LightChange
 from navfw.sim.worldspec import BoxSpec, CylinderSpec, Look, Style, TextureSpec, WorldSpec
 from navfw.worldgen.looks import with_look
+from navfw_benchmarks.bench import view_truth
 from navfw_benchmarks.bench.perception_samples import MARGIN, random_views
 from navfw_benchmarks.bench.real_labels import QUADRANTS, FrameLabel
 from navfw_benchmarks.bench.true_pairs import MovingPose, random_world
-from navfw_benchmarks.bench.view_truth import HIDDEN, ViewTruth, WallGeometry, truth_of
+from navfw_benchmarks.bench.view_truth import WallGeometry, truth_of
 
 RATE = 15.0
 """Images per second."""
@@ -40,8 +41,8 @@ _DIMMED = (8, 18)
 """Images at which the light goes down, and comes back."""
 _FLAT, _LOW = 0.06, 0.25
 """Heights [camera heights] up to which surfaces are floor, and things are low."""
-_LARGE, _SMALL, _ALIKE, _UNLIKE = 200, 25, 0.85, 0.65
-"""Least areas [px] and shares of the greatest nearness of what is nearest, and may be named."""
+_LARGE, _SMALL = 200, 25
+"""Least areas [px] of what is nearest, and of what may be named as well."""
 _IN_SIGHT, _OPEN = 0.1, 1.0 / 3.0
 """Nearness [1/camera heights] from which things count; share of an open front that they fill."""
 
@@ -224,24 +225,19 @@ def label_of(
 
 def _nearest(standing: Array, near: Array) -> tuple[frozenset[str], frozenset[str]]:
     """The quadrants of the nearest object that stands, and those that may be named as well."""
-    rows, columns = near.shape[0] // 2, near.shape[1] // 2
-    halves = {"upper": np.s_[:rows], "lower": np.s_[rows:]}
-    sides = {"left": np.s_[:columns], "right": np.s_[columns:]}
-
-    def reached(of: Array, area: int) -> dict[str, float]:
-        parts = {n: of[halves[n.split("_")[0]], sides[n.split("_")[1]]] for n in QUADRANTS.values()}
-        return {n: float(np.partition(part.ravel(), -area)[-area]) for n, part in parts.items()}
-
-    large, small = reached(standing, _LARGE), reached(near, _SMALL)
+    large, small = (
+        dict(zip(QUADRANTS.values(), view_truth.quadrant_nearness(of, area), strict=True))
+        for of, area in ((standing, _LARGE), (near, _SMALL))
+    )
     most = max(large.values())
-    nearest = frozenset(name for name, n in large.items() if n >= _ALIKE * most)
-    also = frozenset(name for name, n in small.items() if n >= _UNLIKE * most)
+    nearest = frozenset(name for name, n in large.items() if n >= view_truth.ALIKE * most)
+    also = frozenset(name for name, n in small.items() if n >= view_truth.UNLIKE * most)
     if most < _IN_SIGHT:
         return frozenset({"none"}), also
     return nearest, also - nearest
 
 
-def _front(truth: ViewTruth, standing: Array) -> tuple[str, frozenset[str]]:
+def _front(truth: view_truth.ViewTruth, standing: Array) -> tuple[str, frozenset[str]]:
     """The front, and second answers, by the nearness of what is ``standing`` in the middle."""
     fronts, possible = (
         {name.rpartition(" ")[2] for name in of} - {"mixed", "hidden"}
@@ -250,8 +246,8 @@ def _front(truth: ViewTruth, standing: Array) -> tuple[str, frozenset[str]]:
     near, nearer = ((standing > n).any(axis=0).mean() for n in (_IN_SIGHT, 1.5 * _IN_SIGHT))
     if "corridor" not in fronts and near < _OPEN:
         front = "open"
-    elif max(truth.hidden) > HIDDEN:
-        front = "object" if min(truth.hidden) > HIDDEN else "unknown"
+    elif max(truth.hidden) > view_truth.HIDDEN:
+        front = "object" if min(truth.hidden) > view_truth.HIDDEN else "unknown"
     else:
         order = ("corridor", "door", "corner", "wall")
         front = next((name for name in order if name in fronts), "unknown")

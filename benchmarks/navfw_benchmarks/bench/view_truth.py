@@ -52,7 +52,7 @@ from navfw.sim.worldspec import WorldSpec
 _CELL_AREA = 100
 """Area [px] of one cell of a 12 x 16 grid over 160 x 120 px."""
 
-ALIKE, _UNLIKE = 0.85, 0.65
+ALIKE, UNLIKE = 0.85, 0.65
 """Shares of the largest nearness from which on a quadrant is certain, and possible."""
 
 _ORTHOGONAL, _STEEP = math.radians(13.0), math.radians(60.0)
@@ -248,13 +248,7 @@ def truth_of(
     height = camera.mount_height - depth * (y / camera.focal)
     solid = np.isfinite(depth) & (height > _FLOOR_MARGIN) & (height < walls.height - _FLOOR_MARGIN)
     nearness = np.where(solid, 1.0 / np.maximum(depth, 1e-3), 0.0)
-    halves = np.s_[: rows // 2], np.s_[rows // 2 :]
-    sides = np.s_[: columns // 2], np.s_[columns // 2 :]
-    # P1 upper right, P2 upper left, P3 lower left, P4 lower right
-    quadrants = [nearness[halves[i], sides[j]] for i, j in ((0, 1), (0, 0), (1, 0), (1, 1))]
-    largest = [
-        float(np.partition(quadrant.ravel(), -_CELL_AREA)[-_CELL_AREA]) for quadrant in quadrants
-    ]
+    largest = quadrant_nearness(nearness, _CELL_AREA)
     biggest = max(largest)
     distance = 1.0 / max(biggest, 1e-3)
 
@@ -264,12 +258,13 @@ def truth_of(
         np.isfinite(walls_depth) & (wall_height > _FLOOR_MARGIN) & (wall_height < walls.height)
     )
     hides = expected & solid & (depth < 0.97 * walls_depth - 0.02)
+    sides = np.s_[: columns // 2], np.s_[columns // 2 :]
     hidden = [float(hides[:, side].sum() / max(expected[:, side].sum(), 1)) for side in sides]
     situations = walls.situations(pose, camera)
     return ViewTruth(
         nearness=tuple(largest),
         certain=_alike(largest, ALIKE),
-        possible=_alike(largest, _UNLIKE),
+        possible=_alike(largest, UNLIKE),
         distance=distance,
         term=true_term(distance, speed),
         situations=("hidden",) if max(hidden) > HIDDEN else situations,
@@ -277,6 +272,15 @@ def truth_of(
         planes=walls.halves(pose, camera),
         hidden=(hidden[0], hidden[1]),
     )
+
+
+def quadrant_nearness(nearness: Array, area: int) -> list[float]:
+    """The greatest nearness that ``area`` pixels reach in P1 (upper right) to P4, as QUADRANTS."""
+    rows, columns = nearness.shape
+    halves = np.s_[: rows // 2], np.s_[rows // 2 :]
+    sides = np.s_[: columns // 2], np.s_[columns // 2 :]
+    parts = [nearness[halves[i], sides[j]].ravel() for i, j in ((0, 1), (0, 0), (1, 0), (1, 1))]
+    return [float(np.partition(part, -area)[-area]) for part in parts]
 
 
 def true_term(distance: float, speed: float) -> str:
