@@ -18,7 +18,7 @@ from navfw.localization.plan_field import PlanScan, ScanMemory, scan_of
 from navfw.localmap import LocalMap
 from navfw.mapping.evidence_grid import EvidenceGrid, KeyPose
 from navfw.mapping.loop_closing import FAR, LoopClosing
-from navfw.mapping.pose_graph import KeyPoseGraph, Relation
+from navfw.mapping.pose_graph import UNKNOWN, KeyPoseGraph, Relation
 from navfw.mapping.submaps import SubmapCutter
 from navfw.numerics import Array
 from navfw.robot import RobotModel
@@ -182,7 +182,7 @@ class GrowingMap:
             moved = replace(key, pose=frame.compose(key.pose), path=path + key.path)
             known = None if before is None else before.submap.key.relative(key.submap.key)
             step = self.keys[-1].pose.relative(moved.pose) if known is None else known
-            self._graph.add(moved.pose, step, sure=known is not None)
+            self._graph.add(moved.pose, step, UNKNOWN if known is None else None)
             self.keys.append(moved)
         self.clouds += other.clouds
         self._graph.matches += [

@@ -23,8 +23,8 @@ _TURN, _TURN_SHARE = 0.0015, 0.0015  # measured
 """Standard deviation of its turn [rad]: a floor, and a share of the length [m] and turn [rad]. In
 four tours the heading was off by 0.02 rad after 50 m, an error that lasts."""
 
-_NOTHING = np.diag([1e-4, 1e-4, 1e-4])  # chosen
-"""Information of a step that is unknown."""
+UNKNOWN: Array = np.diag([1e-4, 1e-4, 1e-4])  # chosen
+"""Information of a step that is unknown: the matches decide."""
 
 _HUBER = 2.0  # chosen
 """Residual of a match [sigma] above which it counts less."""
@@ -62,15 +62,15 @@ class KeyPoseGraph:
         self._chain: list[Relation] = []
         self.matches: list[Relation] = []
 
-    def add(self, pose: Pose, step: Pose | None = None, *, sure: bool = True) -> None:
-        """Add a pose, ``step`` after the last one by odometry; the first has no step.
+    def add(self, pose: Pose, step: Pose | None = None, information: Array | None = None) -> None:
+        """Add a pose, ``step`` after the last one; the first has no step.
 
-        A step that is not ``sure`` has next to no weight: the matches decide.
+        Without ``information`` (3, 3) the step is by odometry.
         """
         if step is not None:
             n = len(self.poses)
-            information = odometry_information(step) if sure else _NOTHING
-            self._chain.append(Relation(n - 1, n, step, information))
+            known = odometry_information(step) if information is None else information
+            self._chain.append(Relation(n - 1, n, step, known))
         self.poses.append(pose)
 
     def optimize(self) -> list[Relation]:
@@ -80,25 +80,45 @@ class KeyPoseGraph:
             self._fit()
             if not self.matches:
                 return dropped
-            lengths = self._lengths(np.array([(p.x, p.y, p.yaw) for p in self.poses]))
+            lengths = self._lengths(self._table())
             worst = int(np.argmax(lengths[len(self._chain) :]))
             if lengths[len(self._chain) + worst] < _CONTRADICTED:
                 return dropped
             dropped.append(self.matches.pop(worst))
 
+    def covariance(self, index: int) -> Array:
+        """Compute the covariance (3, 3) of x, y [m] and yaw [rad] of the fitted pose ``index``."""
+        equations = self._equations(self._table())
+        right, columns = equations[-1], list[Array]()
+        for axis in range(3):
+            right[:] = 0.0
+            right[index, axis] = 1.0
+            columns.append(pose_graph_kernels.solved(*equations)[index])
+        return np.stack(columns, axis=1)
+
     def _fit(self) -> None:
-        first, second, measured, information = self._arrays()
-        poses: Array = np.array([(p.x, p.y, p.yaw) for p in self.poses])
+        poses = self._table()
         for _ in range(_ITERATIONS):
-            weights = np.ones(len(first))
-            closing = np.s_[len(self._chain) :]
-            weights[closing] = _HUBER / np.maximum(self._lengths(poses)[closing], _HUBER)
-            weighted = weights[:, None, None] * information
-            step = pose_graph_kernels.step(poses, first, second, measured, weighted)
+            step = pose_graph_kernels.solved(*self._equations(poses))
             poses += step
             if float(np.abs(step).max()) < _SETTLED:
                 break
         self.poses = [Pose(x, y, wrap_angle(yaw)) for x, y, yaw in poses.tolist()]
+
+    def _table(self) -> Array:
+        return np.array([(pose.x, pose.y, pose.yaw) for pose in self.poses])
+
+    def _equations(self, poses: Array) -> tuple[Array, Array, Indices, Indices, Array]:
+        """Return the arguments of ``solved`` for a step from ``poses`` (n, 3)."""
+        first, second, measured, information = self._arrays()
+        weights = np.ones(len(first))
+        closing = np.s_[len(self._chain) :]
+        weights[closing] = _HUBER / np.maximum(self._lengths(poses)[closing], _HUBER)
+        weighted = weights[:, None, None] * information
+        diagonal, across, right = pose_graph_kernels.normal_equations(
+            poses, first, second, measured, weighted
+        )
+        return diagonal, across, first, second, right
 
     def _arrays(self) -> tuple[Indices, Indices, Array, Array]:
         relations = [*self._chain, *self.matches]

@@ -98,14 +98,17 @@ def _apply(diagonal: Array, across: Array, first: Indices, second: Indices, vect
 
 
 @numba.njit(cache=True)
-def step(
+def normal_equations(
     poses: Array,
     first: Indices,
     second: Indices,
     measured: Array,
     information: Array,
-) -> Array:
-    """Compute one Gauss-Newton step (n, 3) of ``poses`` (n, 3: x, y [m], yaw [rad]).
+) -> tuple[Array, Array, Array]:
+    """Compute the normal equations of a Gauss-Newton step of ``poses``.
+
+    They are the blocks (n, 3, 3) on the diagonal, those (m, 3, 3) of relations, and the right (n,
+    3).
 
     Args:
         poses: (n, 3) x, y [m], yaw [rad].
@@ -137,6 +140,13 @@ def step(
         _add_product(weighted_b, off[e], -1.0, right[j])
     for a in range(3):
         diagonal[0, a, a] += _ANCHOR
+    return diagonal, across, right
+
+
+@numba.njit(cache=True)
+def solved(diagonal: Array, across: Array, first: Indices, second: Indices, right: Array) -> Array:
+    """Solve ``normal_equations`` for (n, 3)."""
+    n = right.shape[0]
     chain = across[: n - 1]
     inverses, factors = _chain_solver(diagonal, chain)
     solution = np.zeros((n, 3))

@@ -21,6 +21,7 @@ from navfw.localization.place_probabilities import SituationTable, learn_table
 from navfw.mapping import made_map, with_place
 from navfw.mapping.evidence_grid import KeyPose
 from navfw.mapping.joining import JoinedMap, free_names, join_all, key_at
+from navfw.mapping.landmark_mapping import LandmarkMapper, with_landmarks
 from navfw.plugins import default_registry
 from navfw.process.work_progress import ProgressCallback, silent
 from navfw.recording.floor_readings import with_floor_motion
@@ -32,7 +33,6 @@ from navfw.signals import Pose, SensorReading
 from navfw.stack import MappingStack
 from navfw.stack.mapping_stack import MappedPart, Sighting
 from navfw.topomap import Place, TopoMap
-from navfw.topomap.landmark_mapping import LandmarkMapper, with_landmarks
 
 STACK = "explore"
 """The stack whose perceiving half makes the map."""

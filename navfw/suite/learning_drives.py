@@ -25,6 +25,7 @@ from navfw.localization.place_probabilities import (
     learn_table,
     observed_situations,
 )
+from navfw.mapping.landmark_mapping import LandmarkEstimate, LandmarkMapper, with_landmarks
 from navfw.missions import MissionLoop
 from navfw.missions.pilot import TickView
 from navfw.missions.session import Session
@@ -34,7 +35,6 @@ from navfw.process.work_progress import ProgressCallback, silent, with_progress
 from navfw.signals import Odometry, Percept, Pose
 from navfw.suite.suite_plan import SuitePlan
 from navfw.topomap import TopoMap
-from navfw.topomap.landmark_mapping import LandmarkEstimate, LandmarkMapper, with_landmarks
 
 SPACING = 0.25
 """Distance [m] driven between observations: nearer frames show the same surroundings."""

@@ -9,7 +9,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 LIMITS = {
-    "navfw/, lines of Python": 79497,
+    "navfw/, lines of Python": 79473,
     "navfw/, lines of stubs": 266,
     "navfw/, lines of scripts, pages, styles and templates": 2472,
     "behaviors/, lines of Python": 1582,
