@@ -126,8 +126,9 @@ MIN_FALL = 0.12
 _MIN_GAIN = 4.0
 """Least gain in log likelihood of a moving floor over a floor that does not move."""
 
-_WALL_MARGIN = 5.0
-"""Log likelihood by which a wall ahead must explain images better to exclude a floor."""
+_WALL_MARGIN, _FOOT_MARGIN = 5.0, (3.0, 1.0)
+"""Log likelihoods by which a wall ahead must explain images better than a floor to exclude it, and
+a floor of unusual or usual speed in front of that wall better than the wall alone, to be there."""
 
 _FITTING = 2.0
 """Largest variance [NOISE^2] of the difference of a cell that a plane explains."""
@@ -212,7 +213,7 @@ class FloorFinder:
         self._pitches = _PITCHES if pitch is None else np.array([pitch])
         self._evidence = np.zeros(self._pitches.size)
         self._speeds: deque[float] = deque(maxlen=MEMORY)
-        self._pairs = 0
+        self._pairs = self._since_review = 0
         self.lost = False
 
     @property
@@ -220,31 +221,38 @@ class FloorFinder:
         """The most likely pitch [rad], nose down; None while there is too little evidence."""
         if self._pitches.size > 1 and self._pairs < MIN_PAIRS:
             return None
-        return float(self._pitches[int(self._evidence.argmax())])
+        k = int(self._evidence.argmax())
+        if not 0 < k < self._pitches.size - 1:
+            return float(self._pitches[k])
+        step = float(self._pitches[1] - self._pitches[0])
+        return float(self._pitches[k]) + step * _vertex(self._evidence, k)[0]
 
     def find(self, now: Image, past: Image, motion: CameraMotion) -> FloorMotion | None:
         """Find the floor between two working images; None if there is none. Updates ``lost``."""
         self.lost = False
         warp = PlaneWarp(now, past, motion, self._camera.focal, self._grid)
-        pitch_before = self.pitch
-        tried = self._pitches
-        if pitch_before is not None and self._pairs % _REVIEW:
-            tried = np.array([pitch_before])
-        scores = np.array([self._floor_score(warp, pitch) for pitch in tried.tolist()])
+        self._since_review += 1
+        reviewed = self.pitch is None or self._since_review >= _REVIEW
+        tried = self._pitches if reviewed else np.array([self.pitch])
+        floors = [self._floor_likelihoods(warp, pitch) for pitch in tried.tolist()]
+        scores = np.array([np.log(floor).sum(axis=(1, 2)) for floor in floors])
         if tried.size > 1 and (scores.max(axis=1) - scores[:, 0]).max() > _MIN_GAIN:
-            self._collect(scores.max(axis=1), motion)
+            self._collect(warp, floors, motion)
         pitch = self.pitch
         if pitch is None:
             return None
-        likelihood = scores[int(np.abs(tried - pitch).argmin())]
+        chosen = int(np.abs(tried - pitch).argmin())
         upright = np.array([0.0, -math.sin(pitch), math.cos(pitch)])  # of a wall in front
-        wall = np.log(self._likelihoods(warp, upright)).sum(axis=(1, 2))
-        if wall.max() > likelihood.max() + _WALL_MARGIN:
-            return None
-        floor = self._floor(warp, pitch, _peak(likelihood + self._expected(motion.dt)))
+        walls = self._likelihoods(warp, upright)
+        likelihood = _in_front_of(floors[chosen], walls)
+        wall, score = np.log(walls).sum(axis=(1, 2)).max(), scores[chosen]
+        walled = wall > score.max() + _WALL_MARGIN
+        by = likelihood if walled else score
+        floor = self._floor(warp, pitch, _peak(by + self._expected(motion.dt)))
         speed = floor.ratio / motion.dt
-        moves = likelihood.max() - likelihood[0] > _MIN_GAIN
-        if moves and int(floor.proven.sum()) >= _MIN_PROVEN:
+        if walled and wall > likelihood.max() - _FOOT_MARGIN[self._is_usual(speed)]:
+            return None
+        if score.max() - score[0] > _MIN_GAIN and int(floor.proven.sum()) >= _MIN_PROVEN:
             self._speeds.append(speed)
         elif not (self._is_usual(speed) and floor.cells.any()):
             self.lost = len(self._speeds) >= MIN_PAIRS
@@ -259,21 +267,23 @@ class FloorFinder:
         fall = self._camera.fall_per_depth(flow.points, self.pitch or 0.0)
         return replace(flow, confidence=np.where(fall > -MIN_FALL, 0.0, flow.confidence))
 
-    def _collect(self, likelihood: Array, motion: CameraMotion) -> None:
+    def _collect(self, warp: PlaneWarp, floors: list[Array], motion: CameraMotion) -> None:
         """Add the evidence of a pair for each pitch: of images, and a heading along the floor."""
+        walls = self._likelihoods(warp, np.array([0.0, 0.0, 1.0]))
+        likelihood = np.array([_best(_in_front_of(floor, walls)) for floor in floors])
         down = float(motion.translation[1]) / max(motion.baseline, 1e-12)
         off = (self._pitches + math.asin(min(max(down, -1.0), 1.0))) / _ELEVATION_SIGMA
         self._evidence += likelihood - likelihood.max() - 0.5 * off * off
         self._pairs += 1
+        self._since_review = 0
 
-    def _floor_score(self, warp: PlaneWarp, pitch: float) -> Array:
-        """Return the log likelihood (n,) of each of _RATIOS for a floor, glossy in parts."""
+    def _floor_likelihoods(self, warp: PlaneWarp, pitch: float) -> Array:
+        """Return the likelihood (n, rows, cols) of each of _RATIOS for a floor, glossy in parts."""
         plain = self._likelihoods(warp, _level(pitch))
         mirrored = np.array(
             [plain[_MAX_MIRRORED * ratio >= _RATIOS].mean(axis=0) for ratio in _RATIOS]
         )
-        mixed = (1.0 - MIRRORED) * plain + MIRRORED * mirrored
-        return np.asarray(np.log(mixed).sum(axis=(1, 2)))
+        return np.asarray((1.0 - MIRRORED) * plain + MIRRORED * mirrored)
 
     def _likelihoods(self, warp: PlaneWarp, normal: Array) -> Array:
         """Return the likelihood (n, rows, cols) of each of _RATIOS for a plane, in equal cells."""
@@ -291,9 +301,7 @@ class FloorFinder:
 
     def _is_usual(self, speed: float) -> bool:
         """Return whether ``speed`` [heights/s] is about that of earlier pairs."""
-        if not self._speeds:
-            return False
-        return abs(math.log(speed / float(np.median(self._speeds)))) < USUAL
+        return bool(self._speeds) and abs(math.log(speed / float(np.median(self._speeds)))) < USUAL
 
     def _floor(self, warp: PlaneWarp, pitch: float, ratio: float) -> FloorMotion:
         normal = _level(pitch)
@@ -341,13 +349,36 @@ def _level(pitch: float) -> Array:
     return np.array([0.0, math.cos(pitch), math.sin(pitch)])
 
 
+def _in_front_of(floors: Array, walls: Array) -> Array:
+    """Return the log likelihood (n,) of each of ``floors`` (n, rows, cols) in front of a wall.
+
+    The wall is the best one of ``walls`` (n, rows, cols). Its foot may be in another row in each
+    column, as of furniture.
+    """
+    floor, wall = np.log(floors)[:, None, ::-1], np.log(walls)[None, :, ::-1]
+    gain = np.cumsum(floor - wall, axis=2).max(axis=2)
+    together = np.maximum(gain, 0.0).sum(axis=-1) + wall.sum(axis=(2, 3))
+    return np.asarray(together.max(axis=1))
+
+
 def _peak(scores: Array) -> float:
     """Return the best of _RATIOS above 0, refined by a parabola through the best three."""
     k = min(max(int(np.argmax(scores[1:])) + 1, 2), len(scores) - 2)
-    before, top, after = scores[k - 1 : k + 2].tolist()
+    return float(_RATIOS[k] * (_RATIOS[3] / _RATIOS[2]) ** _vertex(scores, k)[0])
+
+
+def _best(scores: Array) -> float:
+    """Return the maximum of ``scores``, also between them."""
+    k = min(max(int(np.argmax(scores)), 1), len(scores) - 2)
+    return max(float(scores.max()), _vertex(scores, k)[1])
+
+
+def _vertex(values: Array, k: int) -> tuple[float, float]:
+    """Return the vertex of a parabola through three values: steps from the ``k``th, and value."""
+    before, top, after = values[k - 1 : k + 2].tolist()
     curve = before - 2.0 * top + after
-    step = 0.5 * (before - after) / curve if curve < 0.0 else 0.0
-    return float(_RATIOS[k] * (_RATIOS[3] / _RATIOS[2]) ** min(max(step, -1.0), 1.0))
+    step = min(max(0.5 * (before - after) / curve, -1.0), 1.0) if curve < 0.0 else 0.0
+    return step, top - 0.25 * (before - after) * step
 
 
 def _spread(seeds: Mask, fits: Mask, mean: Array) -> Mask:

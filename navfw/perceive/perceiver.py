@@ -37,7 +37,7 @@ from navfw.perceive.perceiver_options import (
     has_texture,
 )
 from navfw.perceive.sentence_evidence import HeldWords, front_probabilities, with_nearest
-from navfw.perceive.small_things import SmallThings
+from navfw.perceive.small_things import SmallThings, without_feet
 from navfw.plugins import Registry
 from navfw.robot import CameraModel, RobotModel
 from navfw.robot.camera_models import RATES
@@ -169,8 +169,6 @@ class Perceiver:
         flow = self._with_floor(derotated, floor, lost=lost)
         if lost:
             notes += (NO_FLOOR,)
-        if problems == [_UNRELATED]:
-            self._words.interrupt()
         self._choose_stride(raw, flow, motion)
         self._scales.speed = self.options.speed_between(past.frame.time, now.frame.time)
         scale = self._scales.update(None if floor is None else floor.ratio / motion.dt)
@@ -192,6 +190,7 @@ class Perceiver:
         closing = max(float(flow.motion.translation[2]) / motion.dt, 0.0)  # nothing if backward
         contact = _inverse(closing * nearness_ahead(percept, flow, self._camera))
         small = self._small.find(now.full, past.full, derotated.motion, None if problems else floor)
+        small = without_feet(small, percept, self._camera, scale.height, pitch)
         said = self._words.hold(percept, front, contact, known=not problems)
         percept, statements = with_nearest(said, small or ())
         return PairResult(
@@ -253,6 +252,7 @@ class Perceiver:
                 why = _MOTIONLESS
             elif has_texture(now, raw.shape):
                 why = _UNRELATED
+                self._words.interrupt()
             return derotate(raw, camera), [why]
         if kind is MotionKind.STILL:
             return derotate(raw, camera), [_MOTIONLESS]

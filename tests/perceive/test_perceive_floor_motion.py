@@ -1,6 +1,7 @@
 """The floor found by its motion, in images of textured planes."""
 
 import math
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -65,16 +66,21 @@ def test_the_way_in_heights_of_the_camera(ratio: float) -> None:
     assert not found.cells[:4].any(), "above the horizon"
 
 
-def test_the_pitch_is_learned_from_the_images() -> None:
-    finder = FloorFinder(CAMERA, GRID, None)
-    for seed in range(6):
+@pytest.mark.parametrize("degrees", [12.5, 11.0])
+def test_the_pitch_is_learned_from_the_images_and_reviewed(degrees: float) -> None:
+    finder, pitch, learned = FloorFinder(CAMERA, GRID, None), math.radians(degrees), set()
+    ahead = np.array([0.0, -math.sin(pitch), math.cos(pitch)])
+    motion = replace(MOTION, translation=0.1 * ahead)
+    for seed in range(20):
         past = texture(seed)
-        found = finder.find(moved(past, floor_normal(), 0.25), past, MOTION)
+        found = finder.find(moved(past, floor_normal(pitch), 0.25, ahead), past, motion)
         assert (found is not None) == (seed >= 4), "five pairs are needed"
-    assert finder.pitch == pytest.approx(math.radians(12.5))
+        learned.add(finder.pitch)
+    assert finder.pitch == pytest.approx(pitch, abs=math.radians(1.5))
+    assert len(learned - {None}) > 1
     assert found is not None
-    assert found.ratio == pytest.approx(0.24573936, rel=1e-5)
-    assert (found.proven.sum(), found.cells.sum()) == (96, 96)
+    assert found.ratio == pytest.approx(0.25, rel=0.05)
+    assert found.proven.sum() > 80
 
 
 def test_a_wall_is_no_floor() -> None:
@@ -83,15 +89,14 @@ def test_a_wall_is_no_floor() -> None:
     assert FloorFinder(CAMERA, GRID, PITCH).find(wall, past, MOTION) is None
 
 
-@pytest.mark.parametrize(("wall_rows", "floor"), [(85, True), (100, False)])
-def test_a_wall_that_fills_the_view_rules_the_floor_before_it_out(
-    wall_rows: int, floor: bool
-) -> None:
+@pytest.mark.parametrize("wall_rows", [85, 100, 112])
+def test_a_floor_in_front_of_a_wall_is_found_by_a_few_rows(wall_rows: int) -> None:
     past = texture(2)
     now = moved(past, AHEAD, 0.1)
     now[wall_rows:] = moved(past, floor_normal(), 0.25)[wall_rows:]
     motion = FloorFinder(CAMERA, GRID, PITCH).find(now, past, MOTION)
-    assert (motion is not None) is floor
+    assert motion is not None
+    assert motion.ratio == pytest.approx(0.25, rel=0.05)
 
 
 @pytest.mark.parametrize(("ratio", "taken"), [(0.25, True), (0.1, False)])

@@ -2,6 +2,8 @@
 
 import math
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import cv2
 import numpy as np
@@ -10,6 +12,7 @@ from flow_scene import Board, board_image
 from perceive_calls import perceive
 from perceive_images import save
 
+from navfw.flow import grid_points
 from navfw.numerics import Image
 from navfw.perceive.floor_motion import FloorMotion
 from navfw.perceive.overlay import COLOURS
@@ -19,16 +22,17 @@ from navfw.perceive.small_things import (
     _Placed,
     _Plane,
     nearest_clause,
+    without_feet,
 )
 from navfw.robot import CameraModel
-from navfw.signals import CameraMotion, Frame, Pose
+from navfw.signals import CameraMotion, Frame, Percept, Pose
 
 HEIGHT = 0.35
 CAMERA = CameraModel(
     width=320, height=240, hfov=math.pi / 2, mount_height=HEIGHT, mount_forward=0.0
 )
 STEP = 0.07
-NOBODY = np.zeros((12, 16), np.bool_)
+WHOLE = np.ones((12, 16), np.bool_)
 
 
 def images(
@@ -55,7 +59,7 @@ def found(
     search = SmallThings(CAMERA.focal / CAMERA.width)
     ahead = np.array([0.0, -math.sin(pitch), math.cos(pitch)])
     motion = CameraMotion(np.eye(3), ahead, 0.1)
-    floor = FloorMotion(way / HEIGHT, pitch, NOBODY, NOBODY)
+    floor = FloorMotion(way / HEIGHT, pitch, WHOLE, WHOLE)
     frames = [Frame(0.1 * k, image) for k, image in enumerate(drive)]
     pairs = zip(frames[1:], frames, strict=False)
     return [search.find(now, past, motion, floor) for now, past in pairs]
@@ -65,7 +69,7 @@ def found(
 def test_what_has_a_height_moves_by_its_homography(seed: int) -> None:
     rng = np.random.default_rng(seed)
     pitch, height = rng.uniform(-0.2, 0.4), rng.uniform(-0.5, 0.6)
-    plane = _Plane((240, 320), 150.0, pitch)
+    plane = _Plane((240, 320), 150.0, FloorMotion(0.1, pitch, WHOLE, WHOLE))
     empty = np.zeros((240, 320), np.float32)
     turn = np.asarray(cv2.Rodrigues(rng.normal(0.0, 0.05, 3))[0], np.float64)
     now = _Placed(empty, empty, turn, rng.normal(0.0, 0.3, 3))
@@ -112,6 +116,17 @@ def test_floor_is_known_and_free(pitch: float) -> None:
 
 def test_a_mirror_image_in_the_floor_is_no_thing() -> None:
     assert not any(found(images(mirror=0.3)))
+
+
+@pytest.mark.parametrize(("wall", "named"), [(0.2, True), (0.45, False)], ids=["far", "its own"])
+def test_the_foot_of_a_wall_is_no_small_thing(wall: float, named: bool) -> None:
+    """``wall`` is the nearness [1/camera heights] above a thing two camera heights ahead."""
+    thing = SmallThing(2.0, 0.0, 0.3, 0.2, (0.4, 0.6, 0.6, 0.7), 2.0)
+    points = grid_points(CAMERA, 12, 16)
+    nearness = np.where(np.abs(points[..., 0]) < 0.2 * CAMERA.width, wall / HEIGHT, 5.0)
+    seen = SimpleNamespace(points=points, nearness=nearness, confidence=np.ones((12, 16)))
+    kept = without_feet((thing,), cast(Percept, seen), CAMERA, HEIGHT, 0.0)
+    assert kept == ((thing,) if named else ())
 
 
 def test_nothing_is_known_before_enough_motion_or_without_floor() -> None:
