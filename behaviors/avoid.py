@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -21,15 +21,11 @@ class Avoid(RuledBehavior):
     class Params(RuledBehavior.Params):
         """The stopping distance, and the weight."""
 
-        latency: Annotated[float, Field(ge=0.0, le=2.0, description="delay until braking [s]")] = (
-            0.3
+        latency: float = Field(0.3, ge=0.0, le=2.0, description="delay until braking [s]")
+        spare: float = Field(
+            0.06, ge=0.0, le=1.0, description="free distance kept at any speed [m]"
         )
-        spare: Annotated[
-            float, Field(ge=0.0, le=1.0, description="free distance kept at any speed [m]")
-        ] = 0.06
-        weight: Annotated[
-            float, Field(gt=0.0, le=1.0, description="applicability beside an obstacle")
-        ] = 0.6
+        weight: float = Field(0.6, gt=0.0, le=1.0, description="applicability beside an obstacle")
 
     params: Params
 

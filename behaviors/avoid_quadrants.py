@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 from pydantic import Field
 
@@ -36,14 +36,11 @@ class AvoidQuadrants(RuledBehavior):
     class Params(RuledBehavior.Params):
         """Weights, and the age limit of percepts."""
 
-        weight: Annotated[
-            float, Field(gt=0.0, le=1.0, description="applicability beside an obstacle")
-        ] = 0.9
+        weight: float = Field(0.9, gt=0.0, le=1.0, description="applicability beside an obstacle")
 
-        passing: Annotated[
-            float,
-            Field(ge=0.0, le=5.0, description="distance past what was near and left the view [m]"),
-        ] = 0.5
+        passing: float = Field(
+            0.5, ge=0.0, le=5.0, description="distance past what was near and left the view [m]"
+        )
 
     params: Params
 

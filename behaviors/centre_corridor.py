@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 from pydantic import Field
 
@@ -17,13 +17,12 @@ class CentreCorridor(RuledBehavior):
     class Params(RuledBehavior.Params):
         """Weight and limits."""
 
-        weight: Annotated[
-            float, Field(gt=0.0, le=1.0, description="applicability in a perfect corridor")
-        ] = 0.4
-        along: Annotated[
-            float,
-            Field(gt=0.0, le=3.2, description="largest bearing of the local goal [rad]"),
-        ] = 0.6
+        weight: float = Field(
+            0.4, gt=0.0, le=1.0, description="applicability in a perfect corridor"
+        )
+        along: float = Field(
+            0.6, gt=0.0, le=3.2, description="largest bearing of the local goal [rad]"
+        )
 
     params: Params
 

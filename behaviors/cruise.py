@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -18,7 +18,7 @@ class Cruise(RuledBehavior):
     class Params(RuledBehavior.Params):
         """The weight."""
 
-        weight: Annotated[float, Field(gt=0.0, le=1.0, description="applicability")] = 0.5
+        weight: float = Field(0.5, gt=0.0, le=1.0, description="applicability")
 
     params: Params
 

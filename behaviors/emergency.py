@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -27,10 +27,10 @@ class Emergency(RuledBehavior):
     class Params(RuledBehavior.Params):
         """The alarm, and the reaction to it."""
 
-        threshold: Annotated[
-            float, Field(gt=0.0, lt=1.0, description="degree from which there is an alarm")
-        ] = 0.5
-        reverse: Annotated[float, Field(ge=0.0, le=1.0, description="distance [m]")] = 0.12
+        threshold: float = Field(
+            0.5, gt=0.0, lt=1.0, description="degree from which there is an alarm"
+        )
+        reverse: float = Field(0.12, ge=0.0, le=1.0, description="distance [m]")
 
     params: Params
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 from pydantic import Field
 
@@ -28,10 +28,10 @@ class EmergencyQuadrants(RuledBehavior):
     class Params(RuledBehavior.Params):
         """The alarm, and the turn."""
 
-        threshold: Annotated[
-            float, Field(gt=0.0, lt=1.0, description="degree from which there is an alarm")
-        ] = 0.5
-        turn: Annotated[float, Field(gt=0.0, le=3.2, description="turn after an alarm [rad]")] = 1.0
+        threshold: float = Field(
+            0.5, gt=0.0, lt=1.0, description="degree from which there is an alarm"
+        )
+        turn: float = Field(1.0, gt=0.0, le=3.2, description="turn after an alarm [rad]")
 
     params: Params
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -33,9 +33,9 @@ class Escape(RuledBehavior):
     class Params(RuledBehavior.Params):
         """Threshold, reverse and turn."""
 
-        threshold: Annotated[float, Field(gt=0.0, lt=1.0, description="need that starts it")] = 0.5
-        reverse: Annotated[float, Field(ge=0.0, le=2.0, description="distance [m]")] = 0.25
-        turn: Annotated[float, Field(ge=0.0, le=3.2, description="least turn [rad]")] = 0.5
+        threshold: float = Field(0.5, gt=0.0, lt=1.0, description="need that starts it")
+        reverse: float = Field(0.25, ge=0.0, le=2.0, description="distance [m]")
+        turn: float = Field(0.5, ge=0.0, le=3.2, description="least turn [rad]")
 
     params: Params
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -27,10 +27,8 @@ class Explore(RuledBehavior):
     class Params(RuledBehavior.Params):
         """Worth of a direction."""
 
-        weight: Annotated[float, Field(gt=0.0, le=1.0, description="applicability")] = 0.8
-        turning: Annotated[
-            float, Field(ge=0.0, le=5.0, description="price of the turn [m/rad]")
-        ] = 0.5
+        weight: float = Field(0.8, gt=0.0, le=1.0, description="applicability")
+        turning: float = Field(0.5, ge=0.0, le=5.0, description="price of the turn [m/rad]")
 
     params: Params
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 from pydantic import Field
 
@@ -20,11 +20,9 @@ class FollowWall(RuledBehavior):
     class Params(RuledBehavior.Params):
         """Weight and reach."""
 
-        weight: Annotated[float, Field(gt=0.0, le=1.0, description="applicability")] = 0.9
+        weight: float = Field(0.9, gt=0.0, le=1.0, description="applicability")
 
-        reach: Annotated[
-            float, Field(gt=0.0, le=3.0, description="largest distance of a wall [m]")
-        ] = 1.2
+        reach: float = Field(1.2, gt=0.0, le=3.0, description="largest distance of a wall [m]")
 
     params: Params
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 from pydantic import Field
 
@@ -29,7 +29,7 @@ class FollowWallQuadrants(RuledBehavior):
     class Params(RuledBehavior.Params):
         """Weight, and the age limit of percepts."""
 
-        weight: Annotated[float, Field(gt=0.0, le=1.0, description="applicability")] = 0.9
+        weight: float = Field(0.9, gt=0.0, le=1.0, description="applicability")
 
     params: Params
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -27,20 +27,13 @@ class GiveWay(RuledBehavior):
     class Params(RuledBehavior.Params):
         """Distances and weight."""
 
-        clear: Annotated[
-            float, Field(gt=0.0, le=3.0, description="distance from which it does not apply [m]")
-        ] = 0.5
-        approach: Annotated[
-            float,
-            Field(
-                ge=0.0,
-                le=0.2,
-                description="least approach that counts as driving toward it [m]",
-            ),
-        ] = 0.02
-        weight: Annotated[
-            float, Field(gt=0.0, le=1.0, description="applicability at predicted contact")
-        ] = 1.0
+        clear: float = Field(
+            0.5, gt=0.0, le=3.0, description="distance from which it does not apply [m]"
+        )
+        approach: float = Field(
+            0.02, ge=0.0, le=0.2, description="least approach that counts as driving toward it [m]"
+        )
+        weight: float = Field(1.0, gt=0.0, le=1.0, description="applicability at predicted contact")
 
     params: Params
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -27,7 +27,7 @@ class GoToXY(RuledBehavior):
     class Params(RuledBehavior.Params):
         """The weight."""
 
-        weight: Annotated[float, Field(gt=0.0, le=1.0, description="applicability")] = 0.8
+        weight: float = Field(0.8, gt=0.0, le=1.0, description="applicability")
 
     params: Params
 

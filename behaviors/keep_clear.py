@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -63,22 +63,19 @@ class KeepClear(RuledBehavior):
     class Params(RuledBehavior.Params):
         """What is remembered, and the path kept free of it."""
 
-        near: Annotated[
-            float, Field(gt=0.0, le=3.0, description="largest distance of what is remembered [m]")
-        ] = 0.9
-        blind: Annotated[
-            float,
-            Field(ge=0.0, le=3.0, description="distance within which a percept denies nothing [m]"),
-        ] = 0.45
-        passing: Annotated[
-            float, Field(gt=0.0, le=3.0, description="distance at which it is forgotten [m]")
-        ] = 0.9
-        margin: Annotated[
-            float, Field(ge=0.0, le=0.5, description="clearance from the body's rim [m]")
-        ] = 0.05
-        onward: Annotated[
-            float, Field(ge=0.0, le=2.0, description="distance driven before it may turn back [m]")
-        ] = 0.25
+        near: float = Field(
+            0.9, gt=0.0, le=3.0, description="largest distance of what is remembered [m]"
+        )
+        blind: float = Field(
+            0.45, ge=0.0, le=3.0, description="distance within which a percept denies nothing [m]"
+        )
+        passing: float = Field(
+            0.9, gt=0.0, le=3.0, description="distance at which it is forgotten [m]"
+        )
+        margin: float = Field(0.05, ge=0.0, le=0.5, description="clearance from the body's rim [m]")
+        onward: float = Field(
+            0.25, ge=0.0, le=2.0, description="distance driven before it may turn back [m]"
+        )
 
     params: Params
 

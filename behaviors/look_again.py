@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -27,16 +27,14 @@ class LookAgain(RuledBehavior):
     class Params(RuledBehavior.Params):
         """Weight, and the age limit of percepts."""
 
-        weight: Annotated[float, Field(gt=0.0, le=1.0, description="applicability")] = 0.9
-        straight: Annotated[
-            float,
-            Field(ge=0.0, le=1.0, description="turn of a straight command [of the top rate]"),
-        ] = 0.15
+        weight: float = Field(0.9, gt=0.0, le=1.0, description="applicability")
+        straight: float = Field(
+            0.15, ge=0.0, le=1.0, description="turn of a straight command [of the top rate]"
+        )
 
-        facing: Annotated[
-            float,
-            Field(ge=0.0, le=3.2, description="bearing up to which a waypoint is faced [rad]"),
-        ] = 0.4
+        facing: float = Field(
+            0.4, ge=0.0, le=3.2, description="bearing up to which a waypoint is faced [rad]"
+        )
 
     params: Params
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 from pydantic import Field
 
@@ -17,10 +17,8 @@ class LookAround(Behavior):
     class Params(Behavior.Params):
         """Weight and rate."""
 
-        weight: Annotated[float, Field(gt=0.0, le=1.0, description="applicability")] = 0.9
-        rate: Annotated[
-            float, Field(gt=0.0, le=1.0, description="share of the top turning rate")
-        ] = 0.5
+        weight: float = Field(0.9, gt=0.0, le=1.0, description="applicability")
+        rate: float = Field(0.5, gt=0.0, le=1.0, description="share of the top turning rate")
 
     params: Params
 

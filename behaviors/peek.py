@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -22,8 +22,8 @@ class Peek(RuledBehavior):
     class Params(RuledBehavior.Params):
         """Weight and weave."""
 
-        weight: Annotated[float, Field(gt=0.0, le=1.0, description="applicability")] = 0.5
-        period: Annotated[float, Field(gt=0.2, le=10.0, description="period [s]")] = 1.6
+        weight: float = Field(0.5, gt=0.0, le=1.0, description="applicability")
+        period: float = Field(1.6, gt=0.2, le=10.0, description="period [s]")
 
     params: Params
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 from pydantic import Field
 
@@ -24,12 +24,9 @@ class React(RuledComposite):
     class Params(RuledComposite.Params):
         """What counts as facing a waypoint."""
 
-        facing: Annotated[
-            float,
-            Field(
-                gt=0.0, le=3.2, description="largest bearing of a door or goal that is faced [rad]"
-            ),
-        ] = 0.6
+        facing: float = Field(
+            0.6, gt=0.0, le=3.2, description="largest bearing of a door or goal that is faced [rad]"
+        )
 
     params: Params
 

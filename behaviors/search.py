@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 from pydantic import Field
 
@@ -27,15 +27,15 @@ class Search(RuledComposite):
     class Params(RuledComposite.Params):
         """Thresholds and durations."""
 
-        sigma: Annotated[
-            float, Field(gt=0.0, le=20.0, description="sigma of the position that is uncertain [m]")
-        ] = 0.6
-        stretch: Annotated[
-            float, Field(gt=0.0, le=50.0, description="distance explored between two turns [m]")
-        ] = 2.0
-        pause: Annotated[
-            float, Field(ge=0.0, le=3600.0, description="time until the next search after that [s]")
-        ] = 60.0
+        sigma: float = Field(
+            0.6, gt=0.0, le=20.0, description="sigma of the position that is uncertain [m]"
+        )
+        stretch: float = Field(
+            2.0, gt=0.0, le=50.0, description="distance explored between two turns [m]"
+        )
+        pause: float = Field(
+            60.0, ge=0.0, le=3600.0, description="time until the next search after that [s]"
+        )
 
     params: Params
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 from pydantic import Field
 
@@ -18,11 +18,8 @@ class TraverseDoor(RuledBehavior):
     class Params(RuledBehavior.Params):
         """Distance and weight."""
 
-        near: Annotated[
-            float,
-            Field(gt=0.0, le=5.0, description="largest distance of the door [m]"),
-        ] = 1.2
-        weight: Annotated[float, Field(gt=0.0, le=1.0, description="applicability")] = 0.5
+        near: float = Field(1.2, gt=0.0, le=5.0, description="largest distance of the door [m]")
+        weight: float = Field(0.5, gt=0.0, le=1.0, description="applicability")
 
     params: Params
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import Field
@@ -36,22 +36,17 @@ _MIN_FORWARD, _MAX_FORWARD = 9, 40  # chosen
 class CommandGridParams(StrictModel):
     """Resolution and limits of the command grid (METHOD 3.6)."""
 
-    forward: Annotated[
-        int | None,
-        Field(
-            ge=4,
-            le=40,
-            description="forward speeds, standstill included; none: as many as the top speed needs",
-        ),
-    ] = None
-    reverse: Annotated[int, Field(ge=0, le=10, description="backward speeds")] = 2
-    turns: Annotated[
-        int, Field(ge=5, le=81, description="turning rates; odd, zero in the middle")
-    ] = 21
-    cruise: Annotated[
-        float,
-        Field(gt=0.0, le=2.0, description="top speed used, below the robot's own limit [m/s]"),
-    ] = 0.5
+    forward: int | None = Field(
+        None,
+        ge=4,
+        le=40,
+        description="forward speeds, standstill included; none: as many as the top speed needs",
+    )
+    reverse: int = Field(2, ge=0, le=10, description="backward speeds")
+    turns: int = Field(21, ge=5, le=81, description="turning rates; odd, zero in the middle")
+    cruise: float = Field(
+        0.5, gt=0.0, le=2.0, description="top speed used, below the robot's own limit [m/s]"
+    )
 
 
 class CommandGrid(Sealed):

@@ -123,25 +123,23 @@ frames exceeds the flow's range (METHOD 2.7)."""
 class PairingParams(Params):
     """Limits on the pairs of frames, and the errors of their camera motion."""
 
-    baseline: Annotated[
-        Length, Field(description="desired baseline of a pair, less for a low camera [m]")
-    ] = 0.08
-    max_baseline: Annotated[Length, Field(description="largest baseline of a pair [m]")] = 0.16
-    short: Annotated[
-        bool, Field(description="also form a pair over the short baseline, for very near surfaces")
-    ] = False
-    short_baseline: Annotated[
-        Length, Field(description="desired baseline of the short pair [m]")
-    ] = 0.035
-    max_rotation: Annotated[
-        float, Field(gt=0.0, le=0.5, description="largest rotation between the frames [rad]")
-    ] = math.radians(4.0)
-    yaw_rate_sigma: Annotated[
-        float, Field(ge=0.0, le=0.5, description="gyro error once its bias is removed [rad/s]")
-    ] = YAW_RATE_SIGMA
-    slip: Annotated[
-        float, Field(ge=0.0, le=0.5, description="error of the distance driven, relative to it")
-    ] = SLIP
+    baseline: Length = Field(
+        0.08, description="desired baseline of a pair, less for a low camera [m]"
+    )
+    max_baseline: Length = Field(0.16, description="largest baseline of a pair [m]")
+    short: bool = Field(
+        False, description="also form a pair over the short baseline, for very near surfaces"
+    )
+    short_baseline: Length = Field(0.035, description="desired baseline of the short pair [m]")
+    max_rotation: float = Field(
+        math.radians(4.0), gt=0.0, le=0.5, description="largest rotation between the frames [rad]"
+    )
+    yaw_rate_sigma: float = Field(
+        YAW_RATE_SIGMA, ge=0.0, le=0.5, description="gyro error once its bias is removed [rad/s]"
+    )
+    slip: float = Field(
+        SLIP, ge=0.0, le=0.5, description="error of the distance driven, relative to it"
+    )
 
     @model_validator(mode="after")
     def _ordered(self) -> PairingParams:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Annotated, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import cv2
 import numpy as np
@@ -119,13 +119,12 @@ class Aruco(FeatureRecognizer):
     class Params(FeatureRecognizer.Params):
         """Size of the dictionary, and side of markers that are not in the map."""
 
-        ids: Annotated[
-            Literal[50, 100, 250, 1000],
-            Field(description="size of the dictionary: fewer ids give fewer confusions"),
-        ] = 100
-        size: Annotated[
-            float, Field(gt=0.0, le=3.0, description="side of markers that are not in the map [m]")
-        ] = 0.25
+        ids: Literal[50, 100, 250, 1000] = Field(
+            100, description="size of the dictionary: fewer ids give fewer confusions"
+        )
+        size: float = Field(
+            0.25, gt=0.0, le=3.0, description="side of markers that are not in the map [m]"
+        )
 
     params: Params
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import cv2
 import numba
@@ -149,17 +149,16 @@ class BlockMatching(MatchedFlow):
     class Params(MatchedFlow.Params):
         """Grid, windows, search range, and refinement."""
 
-        window: Annotated[int, Field(ge=6, le=128, description="side of a window [px]")] = 24
-        search: Annotated[
-            int, Field(ge=2, le=32, description="largest displacement searched per axis [px]")
-        ] = 8
-        margin: Annotated[
-            int, Field(ge=0, le=16, description="least distance of a window from the border [px]")
-        ] = 2
-        subpixel: Annotated[
-            Literal["affine", "peak"],
-            Field(description="refinement by affine registration or by the peak's quadratic"),
-        ] = "affine"
+        window: int = Field(24, ge=6, le=128, description="side of a window [px]")
+        search: int = Field(
+            8, ge=2, le=32, description="largest displacement searched per axis [px]"
+        )
+        margin: int = Field(
+            2, ge=0, le=16, description="least distance of a window from the border [px]"
+        )
+        subpixel: Literal["affine", "peak"] = Field(
+            "affine", description="refinement by affine registration or by the peak's quadratic"
+        )
 
     params: Params
 

@@ -11,7 +11,7 @@ import functools
 import math
 from abc import abstractmethod
 from dataclasses import replace
-from typing import Annotated, Any
+from typing import Any
 
 import cv2
 import numpy as np
@@ -258,8 +258,8 @@ class GridFlow(interfaces.FlowProcessor):
     class Params(interfaces.FlowProcessor.Params):
         """The size of the grid."""
 
-        rows: Annotated[int, Field(ge=2, le=120, description="rows of the grid")] = 12
-        cols: Annotated[int, Field(ge=2, le=160, description="columns of the grid")] = 16
+        rows: int = Field(12, ge=2, le=120, description="rows of the grid")
+        cols: int = Field(16, ge=2, le=160, description="columns of the grid")
 
     params: Params
 

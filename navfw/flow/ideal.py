@@ -8,7 +8,7 @@ that uses it must set ``oracle: true``, and only missions and benchmarks can pro
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar, Protocol
+from typing import ClassVar, Protocol
 
 import numba
 import numpy as np
@@ -61,9 +61,7 @@ class Ideal(GridFlow):
     class Params(GridFlow.Params):
         """The grid, and whether the flow has errors."""
 
-        noisy: Annotated[
-            bool, Field(description="with the density and the errors of block matching")
-        ] = False
+        noisy: bool = Field(False, description="with the density and the errors of block matching")
 
     params: Params
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Annotated, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import cv2
 import numpy as np
@@ -131,12 +131,12 @@ class Dis(DenseFlow):
     class Params(grid_flow.MatchedFlow.Params):
         """Grid, and OpenCV's settings."""
 
-        preset: Annotated[
-            Literal["ultrafast", "fast", "medium"], Field(description="OpenCV's preset")
-        ] = "ultrafast"
-        finest_scale: Annotated[
-            int, Field(ge=0, le=3, description="finest pyramid level, in halvings of the image")
-        ] = 0
+        preset: Literal["ultrafast", "fast", "medium"] = Field(
+            "ultrafast", description="OpenCV's preset"
+        )
+        finest_scale: int = Field(
+            0, ge=0, le=3, description="finest pyramid level, in halvings of the image"
+        )
 
     params: Params
 

@@ -8,7 +8,7 @@ The processor ``registered`` refines coarse dense flow so in each cell, with a m
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import cv2
 import numpy as np
@@ -169,7 +169,7 @@ class Registered(MatchedFlow):
     class Params(MatchedFlow.Params):
         """Grid and windows."""
 
-        window: Annotated[int, Field(ge=6, le=128, description="side of a window [px]")] = 20
+        window: int = Field(20, ge=6, le=128, description="side of a window [px]")
 
     params: Params
 

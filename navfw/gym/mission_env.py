@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated, Any
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -58,15 +58,15 @@ def _first_case(
 class RewardWeights(StrictModel):
     """The weight of each term of the reward."""
 
-    progress: Annotated[
-        float, Field(description="of each metre by which the way through all goals gets shorter")
-    ] = 1.0
-    time: Annotated[float, Field(description="of each second")] = -0.1
-    reached: Annotated[float, Field(description="once, if the mission succeeds")] = 10.0
-    collided: Annotated[float, Field(description="once, at a collision or fall")] = -10.0
-    failed: Annotated[
-        float, Field(description="once, if the mission ends otherwise, but for its time limit")
-    ] = -5.0
+    progress: float = Field(
+        1.0, description="of each metre by which the way through all goals gets shorter"
+    )
+    time: float = Field(-0.1, description="of each second")
+    reached: float = Field(10.0, description="once, if the mission succeeds")
+    collided: float = Field(-10.0, description="once, at a collision or fall")
+    failed: float = Field(
+        -5.0, description="once, if the mission ends otherwise, but for its time limit"
+    )
 
 
 def reward_terms(

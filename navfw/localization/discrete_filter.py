@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated
 
 import cv2
 import numpy as np
@@ -57,20 +56,18 @@ _CLUSTER_RADIUS = 1.0  # chosen
 class DiscreteParams(Params):
     """Resolution of the lattice, process noise, and use of OFFIS' situations."""
 
-    cell: Annotated[float, Field(ge=0.1, le=2.0, description="length of a cell [m]")] = 0.25
-    turning: Annotated[
-        float,
-        Field(
-            ge=0.0, le=0.3, description="probability passed to each next heading, per cell driven"
-        ),
-    ] = 0.002
-    situations: Annotated[
-        str,
-        Field(
-            description="table of situations by kind of place: learnt, none, or a file of navfw "
-            "map learn-situations"
-        ),
-    ] = LEARNT
+    cell: float = Field(0.25, ge=0.1, le=2.0, description="length of a cell [m]")
+    turning: float = Field(
+        0.002,
+        ge=0.0,
+        le=0.3,
+        description="probability passed to each next heading, per cell driven",
+    )
+    situations: str = Field(
+        LEARNT,
+        description="table of situations by kind of place: learnt, none, or a file of navfw "
+        "map learn-situations",
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -85,16 +85,15 @@ class FloorPlanLocalizer(place_probabilities.PlaceLocalizer):
     class Params(MetricFilterParams, place_probabilities.PlaceLocalizer.Params):
         """Noise of odometry, and when a pose is believed."""
 
-        every: Annotated[
-            float, Field(ge=0.02, le=2.0, description="distance driven between two scans [m]")
-        ] = 0.15
-        memory: Annotated[
-            float, Field(ge=1.0, le=100.0, description="number of scans of the running mean")
-        ] = 8.0
-        doubt_below: Annotated[
-            float,
-            Field(ge=0.0, lt=1.0, description="mean fit of the scans: in doubt below"),
-        ] = 0.42
+        every: float = Field(
+            0.15, ge=0.02, le=2.0, description="distance driven between two scans [m]"
+        )
+        memory: float = Field(
+            8.0, ge=1.0, le=100.0, description="number of scans of the running mean"
+        )
+        doubt_below: float = Field(
+            0.42, ge=0.0, lt=1.0, description="mean fit of the scans: in doubt below"
+        )
 
     params: Params
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated
 
 import numpy as np
 from pydantic import Field
@@ -47,18 +46,17 @@ _SURPRISE_DISTANCE = 10.0  # chosen
 class MetricFilterParams(MotionParams):
     """Noise of odometry and of the map, and the landmarks' prior existence probability."""
 
-    start_xy: Annotated[NonNegative, Field(description="of the start x and y [m]")] = 0.03
-    start_yaw: Annotated[NonNegative, Field(description="of the start yaw [rad]")] = 0.02
-    prior: Annotated[
-        float,
-        Field(gt=0.0, lt=1.0, description="prior probability that a landmark is where mapped"),
-    ] = 0.85
-    least_xy: Annotated[
-        NonNegative, Field(description="least sigma of x and y after an observation [m]")
-    ] = 0.02
-    least_yaw: Annotated[
-        NonNegative, Field(description="least sigma of the yaw after an observation [rad]")
-    ] = 0.006
+    start_xy: NonNegative = Field(0.03, description="of the start x and y [m]")
+    start_yaw: NonNegative = Field(0.02, description="of the start yaw [rad]")
+    prior: float = Field(
+        0.85, gt=0.0, lt=1.0, description="prior probability that a landmark is where mapped"
+    )
+    least_xy: NonNegative = Field(
+        0.02, description="least sigma of x and y after an observation [m]"
+    )
+    least_yaw: NonNegative = Field(
+        0.006, description="least sigma of the yaw after an observation [rad]"
+    )
 
 
 class MetricFilter:

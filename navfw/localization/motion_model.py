@@ -58,21 +58,17 @@ _INTEGRATION = 0.002  # chosen
 class MotionParams(Params):
     """Process noise, one standard deviation each; None: derived from the data sheets."""
 
-    along: Annotated[
-        NonNegative | None,
-        Field(description="of the distance driven [m per root of m; default: by robot.odometry]"),
-    ] = None
-    aside: Annotated[NonNegative, Field(description="of sideways slip [m per root of m]")] = 0.01
-    yaw_by_turning: Annotated[
-        NonNegative, Field(description="of yaw by turning [rad per root of rad]")
-    ] = 0.005
-    bias: Annotated[
-        NonNegative | None,
-        Field(description="of the gyro's bias after a rest [rad/s; by robot.odometry]"),
-    ] = None
-    margin: Annotated[
-        float, Field(ge=1.0, le=10.0, description="factor on the data sheets' values")
-    ] = 1.5
+    along: NonNegative | None = Field(
+        None, description="of the distance driven [m per root of m; default: by robot.odometry]"
+    )
+    aside: NonNegative = Field(0.01, description="of sideways slip [m per root of m]")
+    yaw_by_turning: NonNegative = Field(
+        0.005, description="of yaw by turning [rad per root of rad]"
+    )
+    bias: NonNegative | None = Field(
+        None, description="of the gyro's bias after a rest [rad/s; by robot.odometry]"
+    )
+    margin: float = Field(1.5, ge=1.0, le=10.0, description="factor on the data sheets' values")
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,27 +171,26 @@ class DeadReckoning(place_probabilities.PlaceLocalizer):
     class Params(place_probabilities.PlaceLocalizer.Params):
         """Standard deviations; those per root of a unit accumulate as a random walk."""
 
-        start_xy: Annotated[NonNegative, Field(description="of the start x and y [m]")] = 0.02
-        start_yaw: Annotated[NonNegative, Field(description="of the start yaw [rad]")] = 0.01
-        along: Annotated[
-            NonNegative, Field(description="of the distance driven [m per root of m]")
-        ] = 0.03
-        aside: Annotated[NonNegative, Field(description="of sideways slip [m per root of m]")] = (
-            0.01
+        start_xy: NonNegative = Field(0.02, description="of the start x and y [m]")
+        start_yaw: NonNegative = Field(0.01, description="of the start yaw [rad]")
+        along: NonNegative = Field(0.03, description="of the distance driven [m per root of m]")
+        aside: NonNegative = Field(0.01, description="of sideways slip [m per root of m]")
+        yaw_by_distance: NonNegative = Field(
+            0.005, description="of yaw by driving [rad per root of m]"
         )
-        yaw_by_distance: Annotated[
-            NonNegative, Field(description="of yaw by driving [rad per root of m]")
-        ] = 0.005
-        yaw_by_turning: Annotated[
-            NonNegative, Field(description="of yaw by turning [rad per root of rad]")
-        ] = 0.01
-        places: Annotated[
-            int, Field(ge=1, le=1000, description="number of places that the belief lists")
-        ] = place_probabilities.COUNT
-        refresh: Annotated[
-            NonNegative,
-            Field(description="distance moved until place probabilities are computed again [m]"),
-        ] = place_probabilities.REFRESH
+        yaw_by_turning: NonNegative = Field(
+            0.01, description="of yaw by turning [rad per root of rad]"
+        )
+        places: int = Field(
+            place_probabilities.COUNT,
+            ge=1,
+            le=1000,
+            description="number of places that the belief lists",
+        )
+        refresh: NonNegative = Field(
+            place_probabilities.REFRESH,
+            description="distance moved until place probabilities are computed again [m]",
+        )
 
     params: Params
 

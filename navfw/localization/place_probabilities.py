@@ -149,15 +149,13 @@ _SHIPPED = Path(__file__).with_name("situations.yaml")
 class TableSpec(StrictModel):
     """The keys of a table's file."""
 
-    description: Annotated[str, Field(description="origin of the table")] = ""
-    observations: Annotated[
-        Mapping[str, Annotated[float, Field(ge=0.0)]],
-        Field(description="number of observations at places of each kind"),
-    ] = Field(default_factory=dict)
-    seen_at: Annotated[
-        Mapping[str, Mapping[str, Annotated[float, Field(ge=0.0, le=1.0)]]],
-        Field(min_length=1, description="kind of place: {situation: probability}"),
-    ]
+    description: str = Field("", description="origin of the table")
+    observations: Mapping[str, Annotated[float, Field(ge=0.0)]] = Field(
+        default_factory=dict, description="number of observations at places of each kind"
+    )
+    seen_at: Mapping[str, Mapping[str, Annotated[float, Field(ge=0.0, le=1.0)]]] = Field(
+        min_length=1, description="kind of place: {situation: probability}"
+    )
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -141,16 +141,11 @@ class Topological(place_probabilities.PlaceLocalizer):
     class Params(place_probabilities.PlaceLocalizer.Params):
         """Both filters, and when the discrete filter's pose is adopted."""
 
-        metric: Annotated[MetricFilterParams, Field(description="of the Kalman filter")] = (
-            MetricFilterParams()
+        metric: MetricFilterParams = Field(MetricFilterParams(), description="of the Kalman filter")
+        discrete: DiscreteParams = Field(DiscreteParams(), description="of the discrete filter")
+        passages: bool = Field(
+            True, description="heading and lateral position by the walls beside the map's edges"
         )
-        discrete: Annotated[DiscreteParams, Field(description="of the discrete filter")] = (
-            DiscreteParams()
-        )
-        passages: Annotated[
-            bool,
-            Field(description="heading and lateral position by the walls beside the map's edges"),
-        ] = True
 
     params: Params
 

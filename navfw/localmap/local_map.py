@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Annotated
 
 import cv2
 import numba
@@ -217,16 +216,15 @@ class LocalMapParams(StrictModel):
     occupancy: OccupancyParams = OccupancyParams()
     local_planner: LocalPlannerParams = LocalPlannerParams()
     traversability: TraversabilityParams = TraversabilityParams()
-    margin: Annotated[
-        float, Field(ge=0.0, le=0.3, description="clearance kept from the body's rim on arcs [m]")
-    ] = 0.04
-    memory: Annotated[
-        bool, Field(description="keep evidence from frame to frame; false: the newest percept only")
-    ] = True
-    planning: Annotated[
-        bool,
-        Field(description="local goal on the cheapest way through the grid; false: the waypoint"),
-    ] = True
+    margin: float = Field(
+        0.04, ge=0.0, le=0.3, description="clearance kept from the body's rim on arcs [m]"
+    )
+    memory: bool = Field(
+        True, description="keep evidence from frame to frame; false: the newest percept only"
+    )
+    planning: bool = Field(
+        True, description="local goal on the cheapest way through the grid; false: the waypoint"
+    )
 
 
 class LocalMap:

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
 
 import cv2
 import numpy as np
@@ -176,18 +175,16 @@ _WIDER, _MAX_GAPS = 0.05, 8  # chosen
 class LocalPlannerParams(StrictModel):
     """Prices of the cells of the grid."""
 
-    distance: Annotated[
-        float, Field(gt=0.1, le=3.0, description="distance of the local goal [m]")
-    ] = 0.8
-    clear: Annotated[
-        float, Field(ge=0.0, le=1.0, description="clearance from which a cell costs no more [m]")
-    ] = 0.25
-    unobserved_price: Annotated[
-        float, Field(ge=0.0, le=20.0, description="extra price of an unobserved cell")
-    ] = 0.2
-    margin: Annotated[
-        float, Field(ge=0.0, le=0.3, description="least clearance of a passable cell [m]")
-    ] = 0.04
+    distance: float = Field(0.8, gt=0.1, le=3.0, description="distance of the local goal [m]")
+    clear: float = Field(
+        0.25, ge=0.0, le=1.0, description="clearance from which a cell costs no more [m]"
+    )
+    unobserved_price: float = Field(
+        0.2, ge=0.0, le=20.0, description="extra price of an unobserved cell"
+    )
+    margin: float = Field(
+        0.04, ge=0.0, le=0.3, description="least clearance of a passable cell [m]"
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -74,19 +74,16 @@ _SHIFT = 0.4  # chosen
 class OccupancyParams(StrictModel):
     """Size of the grid, and how evidence is weighed (log-odds)."""
 
-    extent: Annotated[Positive, Field(le=30.0, description="side of the square [m]")] = 8.0
-    cell: Annotated[float, Field(ge=0.02, le=0.2, description="cell size [m]")] = 0.05
-    hit: Annotated[Positive, Field(description="log-odds added by one certain hit")] = 0.6
-    miss: Annotated[Positive, Field(description="log-odds removed by one ray that passes")] = 0.33
-    occupied: Annotated[Positive, Field(description="log-odds from which a cell is occupied")] = 0.7
-    range: Annotated[Positive, Field(description="largest range of a hit [m]")] = 3.0
-    cell_share: Annotated[
-        tuple[Share, Share],
-        Field(description="probability within one cell that gives no hit, and a full hit"),
-    ] = (0.08, 0.3)
-    decay: Annotated[Positive, Field(description="time constant of the decay of evidence [s]")] = (
-        30.0
+    extent: float = Field(8.0, gt=0.0, le=30.0, description="side of the square [m]")
+    cell: float = Field(0.05, ge=0.02, le=0.2, description="cell size [m]")
+    hit: Positive = Field(0.6, description="log-odds added by one certain hit")
+    miss: Positive = Field(0.33, description="log-odds removed by one ray that passes")
+    occupied: Positive = Field(0.7, description="log-odds from which a cell is occupied")
+    range: Positive = Field(3.0, description="largest range of a hit [m]")
+    cell_share: tuple[Share, Share] = Field(
+        (0.08, 0.3), description="probability within one cell that gives no hit, and a full hit"
     )
+    decay: Positive = Field(30.0, description="time constant of the decay of evidence [s]")
 
     @model_validator(mode="after")
     def _shares_rise(self) -> OccupancyParams:

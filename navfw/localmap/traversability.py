@@ -53,15 +53,11 @@ _GAPS = np.ones((3, 3), np.uint8)  # defined
 class TraversabilityParams(StrictModel):
     """Which legs are checked, how wide and how often."""
 
-    range: Annotated[
-        float, Field(gt=0.3, le=10.0, description="distance up to which legs are checked [m]")
-    ] = 2.5
-    slack: Annotated[
-        Metres, Field(description="added to the strip at each side, beside one sigma [m]")
-    ] = 0.2
-    interval: Annotated[
-        float, Field(ge=0.0, le=60.0, description="time between two checks [s]")
-    ] = 0.5
+    range: float = Field(
+        2.5, gt=0.3, le=10.0, description="distance up to which legs are checked [m]"
+    )
+    slack: Metres = Field(0.2, description="added to the strip at each side, beside one sigma [m]")
+    interval: float = Field(0.5, ge=0.0, le=60.0, description="time between two checks [s]")
 
 
 class TraversabilityCheck:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 from pydantic import Field
 
@@ -104,9 +104,9 @@ class Unicycle(Controller):
     class Params(Controller.Params):
         """The age limit of commands."""
 
-        stale: Annotated[
-            float, Field(gt=0.0, le=5.0, description="age from which a command is void [s]")
-        ] = 0.5
+        stale: float = Field(
+            0.5, gt=0.0, le=5.0, description="age from which a command is void [s]"
+        )
 
     params: Params
 

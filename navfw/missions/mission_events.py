@@ -19,6 +19,7 @@ from navfw.guard import construct, contained
 from navfw.interfaces import MissionEvent
 from navfw.missions.missionfile import MissionFile
 from navfw.missions.missionspec import BehaviorFault, EventSpec
+from navfw.plugins import Registry
 from navfw.signals import Pose
 from navfw.signals.immutability import immutable
 from navfw.sim.event_actions import DoorChange, EventAction, Obstacle, Textureless
@@ -26,7 +27,6 @@ from navfw.sim.solids import drop_under
 from navfw.sim.textures import STOCK
 from navfw.sim.worldspec import WorldSpec
 from navfw.stack import Stack
-from navfw.stack.stackfile import PluginSource
 from navfw.topomap import Place
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ class EventClock:
 
 
 def resolve_events(
-    mission: MissionFile, world: WorldSpec, stack: Stack, plugins: PluginSource
+    mission: MissionFile, world: WorldSpec, stack: Stack, plugins: Registry
 ) -> tuple[EventSpec, ...]:
     """Check the events of a mission file against map, world and ``stack``, and return them.
 
@@ -153,7 +153,7 @@ class _Checker:
         meshes = [mesh.name for mesh in world.meshes]
         self.taken = {"floor", *self.objects, *self.doors, *meshes, *movers, *drops}
 
-    def composed(self, index: int, spec: EventSpec, plugins: PluginSource) -> Sequence[EventSpec]:
+    def composed(self, index: int, spec: EventSpec, plugins: Registry) -> Sequence[EventSpec]:
         """Return the event itself, or the events that its plugin composes it of."""
         if spec.plugin is None:
             return (spec,)

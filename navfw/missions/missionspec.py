@@ -69,12 +69,12 @@ Duration = Annotated[float, Field(gt=0.0, le=7200.0)]
 class NearTrigger(StrictModel):
     """Triggers when the robot's true centre comes within a distance of a place, or of a point."""
 
-    place: Annotated[str | None, Field(description="a place of the map")] = None
-    x: Annotated[Coordinate | None, Field(description="or a point: x [m] in the map frame")] = None
-    y: Annotated[Coordinate | None, Field(description="y [m] in the map frame")] = None
-    within: Annotated[
-        float, Field(gt=0.0, le=100.0, description="distance of the robot's centre from it [m]")
-    ]
+    place: str | None = Field(None, description="a place of the map")
+    x: Coordinate | None = Field(None, description="or a point: x [m] in the map frame")
+    y: Coordinate | None = Field(None, description="y [m] in the map frame")
+    within: float = Field(
+        gt=0.0, le=100.0, description="distance of the robot's centre from it [m]"
+    )
 
     @model_validator(mode="after")
     def _one_place(self) -> Self:
@@ -87,38 +87,31 @@ class NearTrigger(StrictModel):
 class BehaviorFault(StrictModel):
     """Makes a behaviour of the stack fail at every proposal while the event lasts."""
 
-    name: Annotated[str, Field(description="name of a behaviour of the stack")]
-    does: Annotated[Failure, Field(description="how it fails")]
+    name: str = Field(description="name of a behaviour of the stack")
+    does: Failure = Field(description="how it fails")
 
 
 class EventSpec(StrictModel):
     """An event of a mission: one trigger, one action."""
 
-    at: Annotated[Seconds | None, Field(description="trigger: simulated time [s]")] = None
-    near: Annotated[
-        NearTrigger | None, Field(description="or trigger: the robot is first this near")
-    ] = None
-    lasting: Annotated[
-        Duration | None, Field(description="duration [s]; left out: to the end of the mission")
-    ] = None
-    camera: Annotated[CameraFault | None, Field(description="a fault of the camera")] = None
-    gyro: Annotated[GyroFault | None, Field(description="a fault of the gyro")] = None
-    encoders: Annotated[EncoderFault | None, Field(description="encoders that stop counting")] = (
-        None
+    at: Seconds | None = Field(None, description="trigger: simulated time [s]")
+    near: NearTrigger | None = Field(None, description="or trigger: the robot is first this near")
+    lasting: Duration | None = Field(
+        None, description="duration [s]; left out: to the end of the mission"
     )
-    weak_wheel: Annotated[WeakWheel | None, Field(description="a wheel slower than commanded")] = (
-        None
+    camera: CameraFault | None = Field(None, description="a fault of the camera")
+    gyro: GyroFault | None = Field(None, description="a fault of the gyro")
+    encoders: EncoderFault | None = Field(None, description="encoders that stop counting")
+    weak_wheel: WeakWheel | None = Field(None, description="a wheel slower than commanded")
+    slippery: Slippery | None = Field(None, description="wheel slip")
+    light: LightChange | None = Field(None, description="lamps dimmed or off")
+    textureless: Textureless | None = Field(None, description="walls without texture")
+    behavior: BehaviorFault | None = Field(None, description="a behaviour that fails")
+    door: DoorChange | None = Field(None, description="a door that opens or closes")
+    obstacle: Obstacle | None = Field(None, description="an obstacle that appears")
+    plugin: dict[str, dict[str, Any] | None] | None = Field(
+        None, min_length=1, max_length=1, description="an event plugin, as {NAME: {parameters}}"
     )
-    slippery: Annotated[Slippery | None, Field(description="wheel slip")] = None
-    light: Annotated[LightChange | None, Field(description="lamps dimmed or off")] = None
-    textureless: Annotated[Textureless | None, Field(description="walls without texture")] = None
-    behavior: Annotated[BehaviorFault | None, Field(description="a behaviour that fails")] = None
-    door: Annotated[DoorChange | None, Field(description="a door that opens or closes")] = None
-    obstacle: Annotated[Obstacle | None, Field(description="an obstacle that appears")] = None
-    plugin: Annotated[
-        dict[str, dict[str, Any] | None] | None,
-        Field(min_length=1, max_length=1, description="an event plugin, as {NAME: {parameters}}"),
-    ] = None
 
     @model_validator(mode="after")
     def _one_trigger_one_action(self) -> Self:
@@ -154,7 +147,7 @@ class Blackout(MissionEvent):
     class Params(MissionEvent.Params):
         """The emergency lighting."""
 
-        light: Annotated[float, Field(ge=0.0, le=1.0, description="share of light left")] = 0.3
+        light: float = Field(0.3, ge=0.0, le=1.0, description="share of light left")
 
     params: Params
 
@@ -175,59 +168,53 @@ Unknown = Literal["unknown"]
 class PlaceStart(StrictModel):
     """A start at a place of the map."""
 
-    place: Annotated[str, Field(description="a place of the map")]
-    yaw: Annotated[Yaw, Field(description="counter-clockwise from x [rad]")] = 0.0
+    place: str = Field(description="a place of the map")
+    yaw: Yaw = Field(0.0, description="counter-clockwise from x [rad]")
 
 
 class UnknownStart(StrictModel):
     """A start at one of these places, not given to the stack; the seed draws place and yaw."""
 
-    unknown: Annotated[
-        tuple[str, ...], Field(min_length=1, max_length=1000, description="places of the map")
-    ]
+    unknown: tuple[str, ...] = Field(min_length=1, max_length=1000, description="places of the map")
 
 
 class PointGoal(StrictModel):
     """A goal that is not a place of the map."""
 
-    x: Annotated[Coordinate, Field(description="in the map frame [m]")]
-    y: Annotated[Coordinate, Field(description="in the map frame [m]")]
+    x: Coordinate = Field(description="in the map frame [m]")
+    y: Coordinate = Field(description="in the map frame [m]")
 
 
 class ExploreSpec(StrictModel):
     """An exploration: the robot observes all floor that it can reach, and drives back."""
 
-    limit: Annotated[
-        float,
-        Field(gt=0.0, le=7200.0, description="time to be back at the start, or to stop [s]"),
-    ] = 1800.0
-    return_home: Annotated[
-        bool, Field(alias="return", description="drive back to the start; false: stop anywhere")
-    ] = True
+    limit: float = Field(
+        1800.0, gt=0.0, le=7200.0, description="time to be back at the start, or to stop [s]"
+    )
+    return_home: bool = Field(
+        True, alias="return", description="drive back to the start; false: stop anywhere"
+    )
 
 
 class SuccessSpec(StrictModel):
     """How near the robot must truly come to each goal, and the reference length of the score."""
 
-    within: Annotated[float, Field(gt=0.0, le=5.0, description="distance from a goal [m]")] = 0.5
-    reference: Annotated[
-        float | None,
-        Field(
-            gt=0.0,
-            le=1e5,
-            description="length of a benchmark's reference path, to which its score is relative"
-            " [m]; left out: the robot's shortest path",
-        ),
-    ] = None
+    within: float = Field(0.5, gt=0.0, le=5.0, description="distance from a goal [m]")
+    reference: float | None = Field(
+        None,
+        gt=0.0,
+        le=1e5,
+        description="length of a benchmark's reference path, to which its score is relative"
+        " [m]; left out: the robot's shortest path",
+    )
 
 
 class SensorsSpec(SensorParams):
     """A preset of the sensors' parameters, and changes to it."""
 
-    base: Annotated[
-        Literal["perfect", "good", "default", "poor"],
-        Field(alias="preset", description="the preset that the other keys change"),
-    ] = "default"
+    base: Literal["perfect", "good", "default", "poor"] = Field(
+        "default", alias="preset", description="the preset that the other keys change"
+    )
 
     def resolved(self) -> SensorParams:
         """Return the parameters of the preset, overridden by those given in the file."""
@@ -238,62 +225,48 @@ class SensorsSpec(SensorParams):
 class MissionSpec(StrictModel):
     """The schema of a mission file."""
 
-    description: Annotated[str, Field(description="one line for people")] = ""
-    map: Annotated[
-        str | None,
-        Field(description="name or file of a topological map; left out: only start and goals"),
-    ] = None
-    stack: Annotated[
-        str | None,
-        Field(
-            description="name or file of the stack; left out: `explore` to explore, `floor_plan` if"
-            " the map has a floor plan (from an unknown start `landmarks`, if it has these too), "
-            "else `default`; --stack takes precedence"
-        ),
-    ] = None
-    start: Annotated[
-        tuple[Coordinate, Coordinate, Yaw] | PlaceStart | UnknownStart | Unknown,
-        Field(
-            description="[x, y, yaw], {place: ..., yaw: ...}, unknown, or {unknown: [place, ...]}"
-        ),
-    ]
-    goals: Annotated[
-        tuple[str | PointGoal, ...],
-        Field(min_length=1, max_length=1000, description="places, or {x: ..., y: ...}, in order"),
-    ] = ()
-    explore: Annotated[
-        ExploreSpec | None,
-        Field(description="instead of goals: explore without any map, {limit: ..., return: ...}"),
-    ] = None
-    rounds: Annotated[
-        int, Field(ge=1, le=100, description="number of times that the goals are visited in turn")
-    ] = 1
-    tolerance: Annotated[
-        float,
-        Field(ge=0.05, le=5.0, description="estimated distance at which a goal is reached [m]"),
-    ] = 0.4
+    description: str = Field("", description="one line for people")
+    map: str | None = Field(
+        None, description="name or file of a topological map; left out: only start and goals"
+    )
+    stack: str | None = Field(
+        None,
+        description="name or file of the stack; left out: `explore` to explore, `floor_plan` if"
+        " the map has a floor plan (from an unknown start `landmarks`, if it has these too), "
+        "else `default`; --stack takes precedence",
+    )
+    start: tuple[Coordinate, Coordinate, Yaw] | PlaceStart | UnknownStart | Unknown = Field(
+        description="[x, y, yaw], {place: ..., yaw: ...}, unknown, or {unknown: [place, ...]}"
+    )
+    goals: tuple[str | PointGoal, ...] = Field(
+        (), min_length=1, max_length=1000, description="places, or {x: ..., y: ...}, in order"
+    )
+    explore: ExploreSpec | None = Field(
+        None, description="instead of goals: explore without any map, {limit: ..., return: ...}"
+    )
+    rounds: int = Field(
+        1, ge=1, le=100, description="number of times that the goals are visited in turn"
+    )
+    tolerance: float = Field(
+        0.4, ge=0.05, le=5.0, description="estimated distance at which a goal is reached [m]"
+    )
     success: SuccessSpec = SuccessSpec()
-    timeout: Annotated[float, Field(gt=0.0, le=7200.0, description="simulated time [s]")] = 180.0
-    stuck_after: Annotated[
-        float,
-        Field(gt=0.0, le=7200.0, description="time without progress that ends the mission [s]"),
-    ] = 45.0
-    sensors: Annotated[SensorsSpec, Field(description="errors of the sensors")] = SensorsSpec()
-    robot: Annotated[
-        RobotModel,
-        Field(
-            description="a robot's name or file, or {base: ..., KEY: ...}: changes to it; without"
-            " base to the robot default. --robot takes precedence"
-        ),
-    ] = RobotModel()
-    drops: Annotated[
-        tuple[DropSpec, ...],
-        Field(max_length=100, description="drops in the floor, added to those of the world"),
-    ] = ()
-    events: Annotated[
-        tuple[EventSpec, ...],
-        Field(max_length=1000, description="faults and changes of the world during the mission"),
-    ] = ()
+    timeout: float = Field(180.0, gt=0.0, le=7200.0, description="simulated time [s]")
+    stuck_after: float = Field(
+        45.0, gt=0.0, le=7200.0, description="time without progress that ends the mission [s]"
+    )
+    sensors: SensorsSpec = Field(SensorsSpec(), description="errors of the sensors")
+    robot: RobotModel = Field(
+        RobotModel(),
+        description="a robot's name or file, or {base: ..., KEY: ...}: changes to it; without"
+        " base to the robot default. --robot takes precedence",
+    )
+    drops: tuple[DropSpec, ...] = Field(
+        (), max_length=100, description="drops in the floor, added to those of the world"
+    )
+    events: tuple[EventSpec, ...] = Field(
+        (), max_length=1000, description="faults and changes of the world during the mission"
+    )
 
     @model_validator(mode="after")
     def _goals_or_explore(self) -> Self:

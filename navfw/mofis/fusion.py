@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import cv2
 import numpy as np
@@ -139,15 +139,12 @@ class FuzzyFusion(Fusion):
     class Params(Fusion.Params):
         """How desires and prohibitions are combined."""
 
-        blend: Annotated[
-            Literal["sum", "max"], Field(description="sum: weighted mean; max: fuzzy union")
-        ] = "sum"
-        level: Annotated[
-            float,
-            Field(
-                gt=0.0, lt=1.0, description="share of the maximum from which commands form regions"
-            ),
-        ] = 0.8
+        blend: Literal["sum", "max"] = Field(
+            "sum", description="sum: weighted mean; max: fuzzy union"
+        )
+        level: float = Field(
+            0.8, gt=0.0, lt=1.0, description="share of the maximum from which commands form regions"
+        )
 
     params: Params
 

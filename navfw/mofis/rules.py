@@ -210,15 +210,13 @@ class _Ruled(Plugin):
     class Params(Plugin.Params):
         """Changes of the rule base."""
 
-        terms: Annotated[
-            Mapping[str, Mapping[str, Corners]] | None,
-            Field(
-                max_length=100,
-                exclude_if=lambda terms: terms is None,
-                description="corners of terms of inputs, instead of those of the rule base: "
-                "{reserve: {short: [0, 0, 0.8, 1.2]}}",
-            ),
-        ] = None
+        terms: Mapping[str, Mapping[str, Corners]] | None = Field(
+            None,
+            max_length=100,
+            exclude_if=lambda terms: terms is None,
+            description="corners of terms of inputs, instead of those of the rule base: "
+            "{reserve: {short: [0, 0, 0.8, 1.2]}}",
+        )
 
     params: Params
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated
 
 import numba
 import numpy as np
@@ -37,22 +36,22 @@ _GROWTH = 0.2  # chosen
 class ConflictParams(StrictModel):
     """How far ahead the motion of robot and moving obstacles is predicted."""
 
-    horizon: Annotated[float, Field(gt=0.0, le=10.0, description="prediction horizon [s]")] = 6.0
-    turn_time: Annotated[
-        float, Field(ge=0.0, le=10.0, description="duration of a turn while driving [s]")
-    ] = 1.0
-    onward_speed: Annotated[
-        float, Field(ge=0.0, le=2.0, description="speed after a turn on the spot [m/s]")
-    ] = 0.35
-    uncertainty: Annotated[
-        float, Field(ge=0.0, le=1.0, description="growth of the uncertainty of distances [m/s]")
-    ] = 0.06
+    horizon: float = Field(6.0, gt=0.0, le=10.0, description="prediction horizon [s]")
+    turn_time: float = Field(
+        1.0, ge=0.0, le=10.0, description="duration of a turn while driving [s]"
+    )
+    onward_speed: float = Field(
+        0.35, ge=0.0, le=2.0, description="speed after a turn on the spot [m/s]"
+    )
+    uncertainty: float = Field(
+        0.06, ge=0.0, le=1.0, description="growth of the uncertainty of distances [m/s]"
+    )
 
 
 class MoverParams(StrictModel):
     """Whether moving objects are detected, and how they are tracked and predicted."""
 
-    detect: Annotated[bool, Field(description="detect moving objects")] = False
+    detect: bool = Field(False, description="detect moving objects")
     tracking: TrackerParams = TrackerParams()
     conflicts: ConflictParams = ConflictParams()
 

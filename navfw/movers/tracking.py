@@ -62,24 +62,18 @@ _MAX_RANGE = 2.0  # chosen
 class TrackerParams(StrictModel):
     """Association, motion model and life time of tracks."""
 
-    max_age_in_view: Annotated[
-        Positive, Field(le=30.0, description="life of a track not detected again in view [s]")
-    ] = 1.0
-    gate: Annotated[
-        Positive, Field(description="largest distance of a detection from its track [sigma]")
-    ] = 3.0
-    distance_sigma: Annotated[
-        Positive, Field(description="error of a detected distance, relative [1]")
-    ] = 0.2
-    min_hits: Annotated[
-        int, Field(ge=1, le=50, description="detections from which a track is confirmed")
-    ] = 2
-    max_speed: Annotated[Positive, Field(description="speed to which tracks are clipped [m/s]")] = (
-        1.0
+    max_age_in_view: float = Field(
+        1.0, gt=0.0, le=30.0, description="life of a track not detected again in view [s]"
     )
-    radius: Annotated[
-        tuple[Positive, Positive], Field(description="least and largest radius of an object [m]")
-    ] = (0.22, 0.35)
+    gate: Positive = Field(
+        3.0, description="largest distance of a detection from its track [sigma]"
+    )
+    distance_sigma: Positive = Field(0.2, description="error of a detected distance, relative [1]")
+    min_hits: int = Field(2, ge=1, le=50, description="detections from which a track is confirmed")
+    max_speed: Positive = Field(1.0, description="speed to which tracks are clipped [m/s]")
+    radius: tuple[Positive, Positive] = Field(
+        (0.22, 0.35), description="least and largest radius of an object [m]"
+    )
 
 
 @dataclass(slots=True, eq=False)

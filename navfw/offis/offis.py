@@ -48,43 +48,32 @@ class Offis(Perception):
     class Params(Perception.Params):
         """Parameters of OFFIS."""
 
-        mode: Annotated[
-            Literal["nearness", "paper"], Field(description="inputs of the fuzzy systems")
-        ] = "nearness"
-        layers: Annotated[int, Field(ge=1, le=3, description="layers of the pyramid")] = 2
-        metric: Annotated[
-            Literal["auto", "nearest", "mean", "mean_variance"],
-            Field(
-                description="size of a region: mean of its nearest eighth (auto in mode "
-                "nearness), its mean (auto in mode paper), or mean plus standard deviation"
-            ),
-        ] = "auto"
-        obstacle_height: Annotated[
-            Positive, Field(description="least height of an obstacle [m]")
-        ] = 0.05
-        drop_depth: Annotated[
-            Positive, Field(description="least depth of a drop below the floor [m]")
-        ] = 0.08
-        wall_height: Annotated[
-            float,
-            Field(gt=0.0, le=1e6, description="height of walls; above are ceiling and sky [m]"),
-        ] = 2.2
-        longest_flow: Annotated[
-            Positive, Field(description="search range of the flow processor [px]")
-        ] = 8.0
-        path_length: Annotated[
-            Positive, Field(description="length of the path checked for floor in front [m]")
-        ] = 2.0
+        mode: Literal["nearness", "paper"] = Field(
+            "nearness", description="inputs of the fuzzy systems"
+        )
+        layers: int = Field(2, ge=1, le=3, description="layers of the pyramid")
+        metric: Literal["auto", "nearest", "mean", "mean_variance"] = Field(
+            "auto",
+            description="size of a region: mean of its nearest eighth (auto in mode "
+            "nearness), its mean (auto in mode paper), or mean plus standard deviation",
+        )
+        obstacle_height: Positive = Field(0.05, description="least height of an obstacle [m]")
+        drop_depth: Positive = Field(0.08, description="least depth of a drop below the floor [m]")
+        wall_height: float = Field(
+            2.2, gt=0.0, le=1e6, description="height of walls; above are ceiling and sky [m]"
+        )
+        longest_flow: Positive = Field(8.0, description="search range of the flow processor [px]")
+        path_length: Positive = Field(
+            2.0, description="length of the path checked for floor in front [m]"
+        )
 
-        farthest: Annotated[
-            float,
-            Field(
-                gt=0.0,
-                le=1e6,
-                description="greatest distance of an object [m]: beyond it, sparse flow cannot "
-                "distinguish objects from noise",
-            ),
-        ] = 10.0
+        farthest: float = Field(
+            10.0,
+            gt=0.0,
+            le=1e6,
+            description="greatest distance of an object [m]: beyond it, sparse flow cannot "
+            "distinguish objects from noise",
+        )
 
         @model_validator(mode="after")
         def _metric_fits_mode(self) -> Offis.Params:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar
 
 from pydantic import Field
 
@@ -88,24 +88,21 @@ class Explorer(Planner):
     class Params(Planner.Params):
         """Time limit, return, and when a frontier is kept or given up."""
 
-        limit: Annotated[
-            float, Field(gt=0.0, le=7200.0, description="time to be back at the start [s]")
-        ] = 1800.0
-        return_home: Annotated[
-            bool, Field(description="drive back to the start; false: stop where it ends")
-        ] = True
-        rules: Annotated[
-            str | None,
-            Field(min_length=1, max_length=1000, description="file of rules; none: as shipped"),
-        ] = None
-        keep: Annotated[
-            float,
-            Field(ge=0.0, le=1.0, description="merit by which another frontier must be better"),
-        ] = 0.03
-        patience: Annotated[
-            float,
-            Field(gt=0.0, le=600.0, description="time without progress to give a frontier up [s]"),
-        ] = 12.0
+        limit: float = Field(
+            1800.0, gt=0.0, le=7200.0, description="time to be back at the start [s]"
+        )
+        return_home: bool = Field(
+            True, description="drive back to the start; false: stop where it ends"
+        )
+        rules: str | None = Field(
+            None, min_length=1, max_length=1000, description="file of rules; none: as shipped"
+        )
+        keep: float = Field(
+            0.03, ge=0.0, le=1.0, description="merit by which another frontier must be better"
+        )
+        patience: float = Field(
+            12.0, gt=0.0, le=600.0, description="time without progress to give a frontier up [s]"
+        )
 
     params: Params
 

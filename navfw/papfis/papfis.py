@@ -43,47 +43,36 @@ class Papfis(Planner):
     class Params(Planner.Params):
         """Weights of the costs, tolerances of waypoints, and votes on passages."""
 
-        aversion: Annotated[
-            float,
-            Field(ge=0.0, le=100.0, description="worst passage: 1 + this times its length"),
-        ] = 4.0
-        avoidance: Annotated[
-            float,
-            Field(ge=0.0, le=1e6, description="cost of high danger, in lengths of the passage"),
-        ] = 1000.0
-        passing: Annotated[Metres, Field(description="tolerance at places in the open [m]")] = 0.6
-        beside_door_passing: Annotated[
-            Metres, Field(description="tolerance just before and after roomy doors [m]")
-        ] = 0.35
-        replan_distance: Annotated[
-            Metres, Field(description="distance to the planned leg from which it replans [m]")
-        ] = 1.5
-        max_off_map: Annotated[
-            float,
-            Field(
-                ge=0.1,
-                le=1000.0,
-                description="largest distance of start or goal to the map [m]",
-            ),
-        ] = 8.0
+        aversion: float = Field(
+            4.0, ge=0.0, le=100.0, description="worst passage: 1 + this times its length"
+        )
+        avoidance: float = Field(
+            1000.0, ge=0.0, le=1e6, description="cost of high danger, in lengths of the passage"
+        )
+        passing: Metres = Field(0.6, description="tolerance at places in the open [m]")
+        beside_door_passing: Metres = Field(
+            0.35, description="tolerance just before and after roomy doors [m]"
+        )
+        replan_distance: Metres = Field(
+            1.5, description="distance to the planned leg from which it replans [m]"
+        )
+        max_off_map: float = Field(
+            8.0, ge=0.1, le=1000.0, description="largest distance of start or goal to the map [m]"
+        )
 
-        max_goal_sigma: Annotated[
-            float | None,
-            Field(
-                gt=0.0,
-                le=100.0,
-                description="standard deviation of the position up to which a goal counts as "
-                "reached [m]; none: any",
-            ),
-        ] = None
-        vote_interval: Annotated[
-            float,
-            Field(ge=0.0, le=60.0, description="least time between two votes on a passage [s]"),
-        ] = 1.0
-        closed_for: Annotated[
-            float,
-            Field(gt=0.0, le=86400.0, description="time until a closed passage is open again [s]"),
-        ] = 60.0
+        max_goal_sigma: float | None = Field(
+            None,
+            gt=0.0,
+            le=100.0,
+            description="standard deviation of the position up to which a goal counts as "
+            "reached [m]; none: any",
+        )
+        vote_interval: float = Field(
+            1.0, ge=0.0, le=60.0, description="least time between two votes on a passage [s]"
+        )
+        closed_for: float = Field(
+            60.0, gt=0.0, le=86400.0, description="time until a closed passage is open again [s]"
+        )
 
     params: Params
 

@@ -43,11 +43,11 @@ _Side = Annotated[int, Field(ge=1, le=20_000)]
 class LensCalibration(StrictModel):
     """A lens's calibration as part of a robot (see ``navfw.lenses.CameraCalibration``)."""
 
-    file: Annotated[str, Field(description="where it was read")]
-    model: Annotated[str, Field(description="of the distortion, as OpenCV calls it")]
-    matrix: Annotated[tuple[_Entry, ...], Field(min_length=9, max_length=9, description="[px]")]
-    coefficients: Annotated[tuple[_Entry, ...], Field(max_length=14, description="in its order")]
-    size: Annotated[tuple[_Side, _Side] | None, Field(description="of its images [px]")] = None
+    file: str = Field(description="where it was read")
+    model: str = Field(description="of the distortion, as OpenCV calls it")
+    matrix: tuple[_Entry, ...] = Field(min_length=9, max_length=9, description="[px]")
+    coefficients: tuple[_Entry, ...] = Field(max_length=14, description="in its order")
+    size: tuple[_Side, _Side] | None = Field(default=None, description="of its images [px]")
 
     @classmethod
     def load(cls, path: Path) -> LensCalibration:
@@ -71,26 +71,22 @@ class CameraModel(StrictModel):
     images, and ``hfov`` is that of the undistorted images.
     """
 
-    width: Annotated[int, Field(ge=32, le=1920, description="image width [px]")] = 160
-    height: Annotated[int, Field(ge=24, le=1080, description="image height [px]")] = 120
-    hfov: Annotated[float, Field(gt=0.2, lt=2.8, description="horizontal field of view [rad]")] = (
-        math.radians(90.0)
+    width: int = Field(default=160, ge=32, le=1920, description="image width [px]")
+    height: int = Field(default=120, ge=24, le=1080, description="image height [px]")
+    hfov: float = Field(
+        default=math.radians(90.0), gt=0.2, lt=2.8, description="horizontal field of view [rad]"
     )
-    mount_height: Annotated[float, Field(ge=0.01, le=60.0, description="above the floor [m]")] = (
-        0.35
+    mount_height: float = Field(default=0.35, ge=0.01, le=60.0, description="above the floor [m]")
+    mount_forward: float = Field(
+        default=0.10, ge=-2.0, le=2.0, description="ahead of the wheel axle [m]"
     )
-    mount_forward: Annotated[
-        float, Field(ge=-2.0, le=2.0, description="ahead of the wheel axle [m]")
-    ] = 0.10
-    pitch: Annotated[float, Field(gt=-1.0, lt=1.0, description="nose-down positive [rad]")] = 0.0
-    rate: Annotated[Rate, Field(description="frames per second [Hz]")] = 10.0
-    calibration: Annotated[
-        LensCalibration | str | None,
-        Field(
-            description="calibration file of a lens with distortion (ROS, OpenCV), relative to the"
-            " robot file: the stack makes images straight; gives `hfov`"
-        ),
-    ] = None
+    pitch: float = Field(default=0.0, gt=-1.0, lt=1.0, description="nose-down positive [rad]")
+    rate: Rate = Field(default=10.0, description="frames per second [Hz]")
+    calibration: LensCalibration | str | None = Field(
+        default=None,
+        description="calibration file of a lens with distortion (ROS, OpenCV), relative to the"
+        " robot file: the stack makes images straight; gives `hfov`",
+    )
 
     @model_validator(mode="after")
     def _as_wide_as_its_lens(self) -> CameraModel:
@@ -174,7 +170,7 @@ class CameraModel(StrictModel):
 class SideCamera(CameraModel):
     """A virtual pinhole camera turned to one side: a part of a wide lens's image, undistorted."""
 
-    turn: Annotated[float, Field(description="of the axis from ahead, left positive [rad]")]
+    turn: float = Field(description="of the axis from ahead, left positive [rad]")
 
     @property
     def base_from_camera(self) -> Array:
@@ -191,10 +187,13 @@ class SideViews(StrictModel):
     are used to detect moving objects; OFFIS uses only the camera's image.
     """
 
-    width: Annotated[int, Field(ge=32, le=640, description="of each image [px]")] = 80
-    overlap: Annotated[
-        float, Field(ge=0.0, le=0.5, description="part of the camera's image seen again [rad]")
-    ] = math.radians(5.0)
+    width: int = Field(default=80, ge=32, le=640, description="of each image [px]")
+    overlap: float = Field(
+        default=math.radians(5.0),
+        ge=0.0,
+        le=0.5,
+        description="part of the camera's image seen again [rad]",
+    )
 
 
 class LandmarkCamera(StrictModel):
@@ -203,9 +202,9 @@ class LandmarkCamera(StrictModel):
     Landmarks hang at about the camera's height, so a band around the image's middle holds them.
     """
 
-    width: Annotated[int, Field(ge=64, le=3840, description="image width [px]")] = 480
-    height: Annotated[int, Field(ge=32, le=2160, description="image height [px]")] = 96
-    rate: Annotated[Rate, Field(description="frames per second [Hz]")] = 1.25
+    width: int = Field(default=480, ge=64, le=3840, description="image width [px]")
+    height: int = Field(default=96, ge=32, le=2160, description="image height [px]")
+    rate: Rate = Field(default=1.25, description="frames per second [Hz]")
 
 
 ShutterTime = Annotated[float, Field(ge=0.0, le=0.2)]
@@ -219,43 +218,40 @@ class AutoExposure(StrictModel):
     noise.
     """
 
-    target: Annotated[
-        float, Field(ge=20.0, le=235.0, description="mean grey value of the image [0 to 255]")
-    ] = 110.0
-    time: Annotated[
-        float, Field(ge=0.01, le=30.0, description="time constant of the control [s]")
-    ] = 0.4
-    max_gain: Annotated[
-        float, Field(ge=1.0, le=64.0, description="largest amplification of image and noise")
-    ] = 8.0
+    target: float = Field(
+        default=110.0, ge=20.0, le=235.0, description="mean grey value of the image [0 to 255]"
+    )
+    time: float = Field(
+        default=0.4, ge=0.01, le=30.0, description="time constant of the control [s]"
+    )
+    max_gain: float = Field(
+        default=8.0, ge=1.0, le=64.0, description="largest amplification of image and noise"
+    )
 
 
 class CameraEffects(StrictModel):
     """Effects of a real camera on its images; all are off by default."""
 
-    auto_exposure: Annotated[
-        AutoExposure | None, Field(description="exposure control; none: the exposure is fixed")
-    ] = None
-    exposure_time: Annotated[
-        ShutterTime, Field(description="longest exposure of a row: motion blur [s]")
-    ] = 0.0
-    readout_time: Annotated[
-        ShutterTime,
-        Field(description="from the first row's exposure to the last one's: rolling shutter [s]"),
-    ] = 0.0
-    vignetting: Annotated[
-        float,
-        Field(
-            ge=0.0,
-            le=0.95,
-            description="share of the light lost at the corner of the view; grows with the square"
-            " of the angle from the optical axis",
-        ),
-    ] = 0.0
-    jpeg_quality: Annotated[
-        Annotated[int, Field(ge=1, le=100)] | None,
-        Field(description="of JPEG compression; none: not compressed"),
-    ] = None
+    auto_exposure: AutoExposure | None = Field(
+        default=None, description="exposure control; none: the exposure is fixed"
+    )
+    exposure_time: ShutterTime = Field(
+        default=0.0, description="longest exposure of a row: motion blur [s]"
+    )
+    readout_time: ShutterTime = Field(
+        default=0.0,
+        description="from the first row's exposure to the last one's: rolling shutter [s]",
+    )
+    vignetting: float = Field(
+        default=0.0,
+        ge=0.0,
+        le=0.95,
+        description="share of the light lost at the corner of the view; grows with the square"
+        " of the angle from the optical axis",
+    )
+    jpeg_quality: Annotated[int, Field(ge=1, le=100)] | None = Field(
+        default=None, description="of JPEG compression; none: not compressed"
+    )
 
     @property
     def shutter_time(self) -> float:

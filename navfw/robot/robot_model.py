@@ -34,91 +34,83 @@ class OdometrySheet(StrictModel):
     The stack knows these figures, but never the errors of the simulated sensors.
     """
 
-    gyro_noise: Annotated[
-        GyroSigma, Field(description="standard deviation of one reading [rad/s]")
-    ] = math.radians(0.1)
-    gyro_bias_walk: Annotated[
-        GyroSigma, Field(description="random walk of the bias [rad/s per square root of s]")
-    ] = math.radians(0.005)
-    slip: Annotated[
-        float,
-        Field(ge=0.0, le=0.5, description="standard deviation of a wheel's slip, part of way"),
-    ] = 0.02
-    slip_mean: Annotated[
-        float, Field(ge=0.0, le=0.5, description="mean slip, of both wheels, part of the way")
-    ] = 0.005
-    slip_time: Annotated[
-        float, Field(ge=0.0, le=60.0, description="slip keeps its value for about so long [s]")
-    ] = 0.5
+    gyro_noise: GyroSigma = Field(
+        default=math.radians(0.1), description="standard deviation of one reading [rad/s]"
+    )
+    gyro_bias_walk: GyroSigma = Field(
+        default=math.radians(0.005),
+        description="random walk of the bias [rad/s per square root of s]",
+    )
+    slip: float = Field(
+        default=0.02,
+        ge=0.0,
+        le=0.5,
+        description="standard deviation of a wheel's slip, part of way",
+    )
+    slip_mean: float = Field(
+        default=0.005, ge=0.0, le=0.5, description="mean slip, of both wheels, part of the way"
+    )
+    slip_time: float = Field(
+        default=0.5, ge=0.0, le=60.0, description="slip keeps its value for about so long [s]"
+    )
 
 
 class Footprint(StrictModel):
     """The ground that a body covers: a rectangle around base_link, along its axes."""
 
-    front: Annotated[float, Field(ge=0.02, le=3.0, description="reach ahead of base_link [m]")]
-    rear: Annotated[float, Field(ge=0.02, le=3.0, description="reach behind base_link [m]")]
-    width: Annotated[float, Field(ge=0.06, le=4.0, description="[m]")]
+    front: float = Field(ge=0.02, le=3.0, description="reach ahead of base_link [m]")
+    rear: float = Field(ge=0.02, le=3.0, description="reach behind base_link [m]")
+    width: float = Field(ge=0.06, le=4.0, description="[m]")
 
 
 class DrivenUrdf(StrictModel):
     """A URDF file that describes the robot's body, and how its wheel joints drive it."""
 
-    file: Annotated[
-        str,
-        Field(
-            min_length=1,
-            max_length=1000,
-            description="URDF or xacro, relative to the robot file, or pybullet_data:FILE of"
-            " PyBullet's own",
-        ),
-    ]
-    packages: Annotated[
-        tuple[str, ...],
-        Field(
-            max_length=100,
-            description="folders with the packages of ROS of its meshes (`package://`), relative to"
-            " the robot file; besides those of ROS_PACKAGE_PATH and AMENT_PREFIX_PATH",
-        ),
-    ] = ()
-    args: Annotated[
-        tuple[str, ...], Field(max_length=100, description="arguments of a xacro file, name:=value")
-    ] = ()
-    left: Annotated[
-        JointNames, Field(description="wheel joints of the left side; left out: by their places")
-    ] = ()
-    right: Annotated[JointNames, Field(description="those of the right side")] = ()
-    camera: Annotated[
-        str | None,
-        Field(description="link at which the camera is mounted, x ahead; gives mount and pitch"),
-    ] = None
-    casters: Annotated[
-        tuple[str, ...],
-        Field(
-            max_length=100,
-            description="joints of casters and idle wheels: they turn freely and slide; all other"
-            " joints are held at 0",
-        ),
-    ] = ()
-    torque: Annotated[
-        float, Field(gt=0.0, le=10_000.0, description="torque limit of one wheel [N m]")
-    ] = 5.0
-    side_friction: Annotated[
-        float,
-        Field(
-            gt=0.0,
-            le=1.0,
-            description="grip of the wheels along their axle, as a share of that along the way; of"
-            " skid steer below 1",
-        ),
-    ] = 1.0
-    turning_point: Annotated[
-        float,
-        Field(
-            ge=-3.0,
-            le=3.0,
-            description="base_link, where it turns on the spot: ahead of the wheels' middle [m]",
-        ),
-    ] = 0.0
+    file: str = Field(
+        min_length=1,
+        max_length=1000,
+        description="URDF or xacro, relative to the robot file, or pybullet_data:FILE of"
+        " PyBullet's own",
+    )
+    packages: tuple[str, ...] = Field(
+        default=(),
+        max_length=100,
+        description="folders with the packages of ROS of its meshes (`package://`), relative to"
+        " the robot file; besides those of ROS_PACKAGE_PATH and AMENT_PREFIX_PATH",
+    )
+    args: tuple[str, ...] = Field(
+        default=(), max_length=100, description="arguments of a xacro file, name:=value"
+    )
+    left: JointNames = Field(
+        default=(), description="wheel joints of the left side; left out: by their places"
+    )
+    right: JointNames = Field(default=(), description="those of the right side")
+    camera: str | None = Field(
+        default=None,
+        description="link at which the camera is mounted, x ahead; gives mount and pitch",
+    )
+    casters: tuple[str, ...] = Field(
+        default=(),
+        max_length=100,
+        description="joints of casters and idle wheels: they turn freely and slide; all other"
+        " joints are held at 0",
+    )
+    torque: float = Field(
+        default=5.0, gt=0.0, le=10_000.0, description="torque limit of one wheel [N m]"
+    )
+    side_friction: float = Field(
+        default=1.0,
+        gt=0.0,
+        le=1.0,
+        description="grip of the wheels along their axle, as a share of that along the way; of"
+        " skid steer below 1",
+    )
+    turning_point: float = Field(
+        default=0.0,
+        ge=-3.0,
+        le=3.0,
+        description="base_link, where it turns on the spot: ahead of the wheels' middle [m]",
+    )
 
 
 def _half_the_width(values: dict[str, Any]) -> float:
@@ -139,60 +131,56 @@ class RobotModel(StrictModel):
     The body is round, or covers the rectangle ``footprint``; ``radius`` is then half its width.
     """
 
-    footprint: Annotated[Footprint | None, Field(description="of a body that is not round")] = None
-    radius: Annotated[
-        float,
-        Field(
-            ge=0.03,
-            le=2.0,
-            description="of the round body [m]; 0.18, or half the footprint's width",
-        ),
-    ] = Field(default_factory=_half_the_width)
-    urdf: Annotated[
-        DrivenUrdf | None, Field(description="the body in the simulator; without: two wheels")
-    ] = None
-    height: Annotated[
-        float, Field(ge=0.03, le=100.0, description="of the body with camera [m]")
-    ] = 0.40
-    wheel_radius: Annotated[float, Field(ge=0.005, le=1.0, description="[m]")] = 0.05
-    track: Annotated[
-        float, Field(ge=0.02, le=4.0, description="distance between the wheels [m]")
-    ] = 0.28
-    skid: Annotated[
-        float,
-        Field(
-            ge=0.0,
-            le=1.0,
-            description="standard deviation of the point about which it turns, along the body [m]:"
-            " wheels that skid move it",
-        ),
-    ] = 0.0
-    ticks_per_turn: Annotated[
-        int, Field(ge=16, le=1_000_000, description="encoder ticks a wheel turn")
-    ] = 2048
-    max_v: Annotated[Speed, Field(description="top forward speed [m/s]")] = 0.5
-    max_reverse: Annotated[Speed, Field(description="top backward speed [m/s]")] = 0.15
-    max_w: Annotated[float, Field(gt=0.0, le=20.0, description="top turning rate [rad/s]")] = 1.6
-    max_accel: Annotated[Acceleration, Field(description="usual acceleration [m/s^2]")] = 0.6
-    max_brake: Annotated[Acceleration, Field(description="hardest braking [m/s^2]")] = 1.2
-    max_turn_accel: Annotated[float, Field(gt=0.0, le=200.0, description="[rad/s^2]")] = 4.0
-    max_lateral: Annotated[Acceleration, Field(description="lateral acceleration [m/s^2]")] = 0.6
-    control_rate: Annotated[
-        float, Field(ge=1.0, le=240.0, description="LOCOM ticks, up to those of physics [Hz]")
-    ] = 60.0
+    footprint: Footprint | None = Field(default=None, description="of a body that is not round")
+    radius: float = Field(
+        default_factory=_half_the_width,
+        ge=0.03,
+        le=2.0,
+        description="of the round body [m]; 0.18, or half the footprint's width",
+    )
+    urdf: DrivenUrdf | None = Field(
+        default=None, description="the body in the simulator; without: two wheels"
+    )
+    height: float = Field(
+        default=0.40, ge=0.03, le=100.0, description="of the body with camera [m]"
+    )
+    wheel_radius: float = Field(default=0.05, ge=0.005, le=1.0, description="[m]")
+    track: float = Field(
+        default=0.28, ge=0.02, le=4.0, description="distance between the wheels [m]"
+    )
+    skid: float = Field(
+        default=0.0,
+        ge=0.0,
+        le=1.0,
+        description="standard deviation of the point about which it turns, along the body [m]:"
+        " wheels that skid move it",
+    )
+    ticks_per_turn: int = Field(
+        default=2048, ge=16, le=1_000_000, description="encoder ticks a wheel turn"
+    )
+    max_v: Speed = Field(default=0.5, description="top forward speed [m/s]")
+    max_reverse: Speed = Field(default=0.15, description="top backward speed [m/s]")
+    max_w: float = Field(default=1.6, gt=0.0, le=20.0, description="top turning rate [rad/s]")
+    max_accel: Acceleration = Field(default=0.6, description="usual acceleration [m/s^2]")
+    max_brake: Acceleration = Field(default=1.2, description="hardest braking [m/s^2]")
+    max_turn_accel: float = Field(default=4.0, gt=0.0, le=200.0, description="[rad/s^2]")
+    max_lateral: Acceleration = Field(default=0.6, description="lateral acceleration [m/s^2]")
+    control_rate: float = Field(
+        default=60.0, ge=1.0, le=240.0, description="LOCOM ticks, up to those of physics [Hz]"
+    )
     camera: camera_models.CameraModel = camera_models.CameraModel()
-    side_views: Annotated[
-        camera_models.SideViews | None,
-        Field(description="what a wider lens shows beside the camera's image"),
-    ] = None
-    landmark_camera: Annotated[
-        camera_models.LandmarkCamera, Field(description="how the camera is read out for landmarks")
-    ] = camera_models.LandmarkCamera()
-    camera_effects: Annotated[
-        camera_models.CameraEffects, Field(description="of a real camera, in all its images")
-    ] = camera_models.CameraEffects()
-    odometry: Annotated[OdometrySheet, Field(description="error model of gyro and wheels")] = (
-        OdometrySheet()
+    side_views: camera_models.SideViews | None = Field(
+        default=None, description="what a wider lens shows beside the camera's image"
+    )
+    landmark_camera: camera_models.LandmarkCamera = Field(
+        default=camera_models.LandmarkCamera(),
+        description="how the camera is read out for landmarks",
+    )
+    camera_effects: camera_models.CameraEffects = Field(
+        default=camera_models.CameraEffects(), description="of a real camera, in all its images"
+    )
+    odometry: OdometrySheet = Field(
+        default=OdometrySheet(), description="error model of gyro and wheels"
     )
 
     @model_validator(mode="after")

@@ -13,7 +13,6 @@ from __future__ import annotations
 import copy
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated
 
 from pydantic import Field
 
@@ -45,10 +44,10 @@ _CALIBRATION = ("camera", "calibration")
 class RobotSpec(RobotModel):
     """The schema of a robot file."""
 
-    description: Annotated[str, Field(description="one line for people")] = ""
-    base: Annotated[
-        str | None, Field(description="name or file of a robot from which this one differs")
-    ] = None
+    description: str = Field(default="", description="one line for people")
+    base: str | None = Field(
+        default=None, description="name or file of a robot from which this one differs"
+    )
 
 
 def load_robot(name: str | Path) -> RobotSpec:

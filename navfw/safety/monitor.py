@@ -128,56 +128,39 @@ _PROBE_PERIOD, _PROBE_TIME = 3.0, 0.3  # chosen
 class SafetyParams(StrictModel):
     """Thresholds of the safety monitor."""
 
-    latency: Annotated[
-        float, Field(ge=0.0, le=1.0, description="delay until the wheels brake [s]")
-    ] = 0.1
-    gap: Annotated[
-        float, Field(ge=0.0, le=0.3, description="distance kept from an obstacle at standstill [m]")
-    ] = 0.02
-    slow: Annotated[
-        float,
-        Field(
-            gt=0.0,
-            le=1.0,
-            description="speed while a sensor is late, or the path has just changed [m/s]",
-        ),
-    ] = 0.12
-    creep: Annotated[
-        float,
-        Field(gt=0.0, le=0.5, description="speed into unobserved space; 0 with weak sight [m/s]"),
-    ] = 0.15
-    start_creep: Annotated[
-        float,
-        Field(
-            ge=0.0,
-            le=1.0,
-            description="distance from the start over which it creeps [m]",
-        ),
-    ] = 0.3
-    camera_slow: Annotated[
-        Seconds,
-        Field(description="age of the last valid frame, or time that a stage fails: slow [s]"),
-    ] = 0.45
-    camera_stop: Annotated[
-        Seconds,
-        Field(description="age of the last valid frame, or time that a stage fails: stop [s]"),
-    ] = 1.2
-    blind_reverse: Annotated[
-        float, Field(ge=0.0, le=2.0, description="longest reverse without a valid frame [m]")
-    ] = 0.3
-    gyro_slow: Annotated[Seconds, Field(description="age of the last gyro reading: slow [s]")] = 0.2
-    encoder_stop: Annotated[
-        Seconds, Field(description="age of the last encoder reading: stop [s]")
-    ] = 0.5
-    probe: Annotated[
-        float, Field(gt=0.0, le=0.5, description="speed of a probe of silent encoders [m/s]")
-    ] = 0.05
-    give_up: Annotated[
-        float,
-        Field(
-            ge=1.0, le=60.0, description="failure time of a sensor or stage that ends the run [s]"
-        ),
-    ] = 20.0
+    latency: float = Field(0.1, ge=0.0, le=1.0, description="delay until the wheels brake [s]")
+    gap: float = Field(
+        0.02, ge=0.0, le=0.3, description="distance kept from an obstacle at standstill [m]"
+    )
+    slow: float = Field(
+        0.12,
+        gt=0.0,
+        le=1.0,
+        description="speed while a sensor is late, or the path has just changed [m/s]",
+    )
+    creep: float = Field(
+        0.15, gt=0.0, le=0.5, description="speed into unobserved space; 0 with weak sight [m/s]"
+    )
+    start_creep: float = Field(
+        0.3, ge=0.0, le=1.0, description="distance from the start over which it creeps [m]"
+    )
+    camera_slow: Seconds = Field(
+        0.45, description="age of the last valid frame, or time that a stage fails: slow [s]"
+    )
+    camera_stop: Seconds = Field(
+        1.2, description="age of the last valid frame, or time that a stage fails: stop [s]"
+    )
+    blind_reverse: float = Field(
+        0.3, ge=0.0, le=2.0, description="longest reverse without a valid frame [m]"
+    )
+    gyro_slow: Seconds = Field(0.2, description="age of the last gyro reading: slow [s]")
+    encoder_stop: Seconds = Field(0.5, description="age of the last encoder reading: stop [s]")
+    probe: float = Field(
+        0.05, gt=0.0, le=0.5, description="speed of a probe of silent encoders [m/s]"
+    )
+    give_up: float = Field(
+        20.0, ge=1.0, le=60.0, description="failure time of a sensor or stage that ends the run [s]"
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -58,26 +58,22 @@ class CameraFault(_OneOf):
 
     flags: ClassVar[tuple[str, ...]] = ("frozen", "black", "over_exposed")
 
-    dropped: Annotated[Share | None, Field(description="share of the frames that are lost")] = None
-    frozen: Annotated[bool, Field(description="every frame repeats the last image")] = False
-    black: Annotated[bool, Field(description="the image holds sensor noise only")] = False
-    over_exposed: Annotated[bool, Field(description="exposure six times too high")] = False
-    noisy: Annotated[
-        Annotated[float, Field(gt=0.0, le=100.0)] | None,
-        Field(description="standard deviation of additional noise [grey levels]"),
-    ] = None
-    blurred: Annotated[
-        Annotated[float, Field(gt=0.0, le=20.0)] | None,
-        Field(description="Gaussian blur, sigma [px]"),
-    ] = None
-    latency: Annotated[
-        Annotated[float, Field(gt=0.0, le=10.0)] | None,
-        Field(description="delay of the frames [s]"),
-    ] = None
-    hfov_error: Annotated[
-        Annotated[float, Field(ge=-0.5, le=0.5)] | None,
-        Field(description="relative error: the true field of view is wider by this share"),
-    ] = None
+    dropped: Share | None = Field(None, description="share of the frames that are lost")
+    frozen: bool = Field(False, description="every frame repeats the last image")
+    black: bool = Field(False, description="the image holds sensor noise only")
+    over_exposed: bool = Field(False, description="exposure six times too high")
+    noisy: Annotated[float, Field(gt=0.0, le=100.0)] | None = Field(
+        None, description="standard deviation of additional noise [grey levels]"
+    )
+    blurred: Annotated[float, Field(gt=0.0, le=20.0)] | None = Field(
+        None, description="Gaussian blur, sigma [px]"
+    )
+    latency: Annotated[float, Field(gt=0.0, le=10.0)] | None = Field(
+        None, description="delay of the frames [s]"
+    )
+    hfov_error: Annotated[float, Field(ge=-0.5, le=0.5)] | None = Field(
+        None, description="relative error: the true field of view is wider by this share"
+    )
 
 
 class GyroFault(_OneOf):
@@ -85,52 +81,46 @@ class GyroFault(_OneOf):
 
     flags: ClassVar[tuple[str, ...]] = ("dropout",)
 
-    dropout: Annotated[
-        bool, Field(description="no new readings: the last one repeats, with its time")
-    ] = False
-    bias_step: Annotated[
-        Annotated[float, Field(ge=-90.0, le=90.0)] | None,
-        Field(description="bias added to the yaw rate [deg/s]"),
-    ] = None
+    dropout: bool = Field(False, description="no new readings: the last one repeats, with its time")
+    bias_step: Annotated[float, Field(ge=-90.0, le=90.0)] | None = Field(
+        None, description="bias added to the yaw rate [deg/s]"
+    )
 
 
 class EncoderFault(StrictModel):
     """A wheel encoder that stops counting."""
 
-    dropout: Annotated[Literal["left", "right", "both"], Field(description="side of the encoder")]
+    dropout: Literal["left", "right", "both"] = Field(description="side of the encoder")
 
 
 class WeakWheel(StrictModel):
     """A wheel that does not reach its commanded speed."""
 
     side: Literal["left", "right"]
-    share: Annotated[Share, Field(description="reached share of the commanded speed")]
+    share: Share = Field(description="reached share of the commanded speed")
 
 
 class Slippery(StrictModel):
     """Floor on which the wheels slip."""
 
-    slip: Annotated[
-        float, Field(gt=0.0, le=0.9, description="share by which the wheels turn too far")
-    ]
+    slip: float = Field(gt=0.0, le=0.9, description="share by which the wheels turn too far")
 
 
 class LightChange(StrictModel):
     """Light that is dimmed or switched off."""
 
-    share: Annotated[Share, Field(description="remaining share of the light; 0: dark")]
+    share: Share = Field(description="remaining share of the light; 0: dark")
 
 
 class Textureless(StrictModel):
     """Makes solids plain: those with a name, or the parts of walls within an area."""
 
-    name: Annotated[str | None, Field(description="name of a wall, box or cylinder")] = None
-    x: Annotated[Interval | None, Field(description="area: x from, to [m]")] = None
-    y: Annotated[Interval | None, Field(description="area: y from, to [m]")] = None
-    brightness: Annotated[
-        float,
-        Field(ge=10.0, le=245.0, description="luminance instead of the texture [grey levels]"),
-    ] = 150.0
+    name: str | None = Field(None, description="name of a wall, box or cylinder")
+    x: Interval | None = Field(None, description="area: x from, to [m]")
+    y: Interval | None = Field(None, description="area: y from, to [m]")
+    brightness: float = Field(
+        150.0, ge=10.0, le=245.0, description="luminance instead of the texture [grey levels]"
+    )
 
     @model_validator(mode="after")
     def _has_selection(self) -> Self:
@@ -142,7 +132,7 @@ class Textureless(StrictModel):
 class DoorChange(StrictModel):
     """Opens or closes a door of the world, as soon as the robot is clear of it."""
 
-    name: Annotated[str, Field(description="name of a door of the world")]
+    name: str = Field(description="name of a door of the world")
     state: Literal["open", "closed"]
 
 
@@ -152,24 +142,20 @@ class Obstacle(StrictModel):
     It needs floor under it: an obstacle ``ahead`` of the robot does not appear above a drop.
     """
 
-    name: Annotated[
-        str, Field(min_length=1, max_length=60, description="name reported by contacts")
-    ] = "obstacle"
-    at: Annotated[
-        tuple[Coordinate, Coordinate] | None, Field(description="centre in the map frame [m]")
-    ] = None
-    ahead: Annotated[Length | None, Field(description="or distance in front of the robot [m]")] = (
-        None
+    name: str = Field(
+        "obstacle", min_length=1, max_length=60, description="name reported by contacts"
     )
-    size: Annotated[
-        tuple[Length, Length] | None, Field(description="box: edges along x, y at yaw 0 [m]")
-    ] = None
-    radius: Annotated[Length | None, Field(description="cylinder: radius [m]")] = None
-    height: Annotated[Length, Field(description="[m]")] = 1.0
-    yaw: Annotated[float, Field(ge=-6.3, le=6.3, description="yaw of a box [rad]")] = 0.0
-    texture: Annotated[str, Field(description="a texture of the world, or a stock texture")] = (
-        "stone"
+    at: tuple[Coordinate, Coordinate] | None = Field(
+        None, description="centre in the map frame [m]"
     )
+    ahead: Length | None = Field(None, description="or distance in front of the robot [m]")
+    size: tuple[Length, Length] | None = Field(
+        None, description="box: edges along x, y at yaw 0 [m]"
+    )
+    radius: Length | None = Field(None, description="cylinder: radius [m]")
+    height: Length = Field(1.0, description="[m]")
+    yaw: float = Field(0.0, ge=-6.3, le=6.3, description="yaw of a box [rad]")
+    texture: str = Field("stone", description="a texture of the world, or a stock texture")
 
     @model_validator(mode="after")
     def _one_position_one_shape(self) -> Self:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 from pydantic import Field
@@ -21,20 +21,21 @@ class SensorParams(OdometrySheet):
     The robot knows those of the ``OdometrySheet``, as from a data sheet.
     """
 
-    image_noise: Annotated[
-        float, Field(ge=0.0, le=40.0, description="image noise, standard deviation [grey levels]")
-    ] = 2.0
-    supersample: Annotated[
-        int, Field(ge=1, le=4, description="render at this multiple of the size and average")
-    ] = 1
-    gyro_bias: Annotated[
-        float,
-        Field(ge=0.0, le=1.0, description="standard deviation of the bias at power-on [rad/s]"),
-    ] = math.radians(0.05)
-    radius_mismatch: Annotated[
-        float,
-        Field(ge=0.0, le=0.5, description="difference of the wheels' radii, share of the radius"),
-    ] = 0.01
+    image_noise: float = Field(
+        2.0, ge=0.0, le=40.0, description="image noise, standard deviation [grey levels]"
+    )
+    supersample: int = Field(
+        1, ge=1, le=4, description="render at this multiple of the size and average"
+    )
+    gyro_bias: float = Field(
+        math.radians(0.05),
+        ge=0.0,
+        le=1.0,
+        description="standard deviation of the bias at power-on [rad/s]",
+    )
+    radius_mismatch: float = Field(
+        0.01, ge=0.0, le=0.5, description="difference of the wheels' radii, share of the radius"
+    )
 
     @classmethod
     def preset(cls, name: str, **changes: Any) -> SensorParams:

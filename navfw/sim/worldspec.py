@@ -59,47 +59,39 @@ Role = Literal["floor", "wall", "ceiling", "thing", "person"]
 class TextureSpec(StrictModel):
     """A texture without detail finer than the camera resolves: a seeded pattern, or a picture."""
 
-    style: Annotated[
-        Style,
-        Field(description="pattern: shaped noise; from concrete on like photographs of a material"),
-    ] = "plaster"
-    seed: Annotated[int, Field(ge=0, lt=2**32, description="seed of the pattern")] = 0
-    contrast: Annotated[
-        float,
-        Field(
-            ge=0.0, le=MAX_CONTRAST, description="standard deviation of the luminance [grey levels]"
-        ),
-    ] = 45.0
-    brightness: Annotated[
-        float, Field(ge=10.0, le=245.0, description="mean luminance [grey levels]")
-    ] = 135.0
-    colour: Annotated[
-        tuple[Channel, Channel, Channel], Field(description="tint: red, green, blue in [0, 1]")
-    ] = (1.0, 1.0, 1.0)
-    finest: Annotated[
-        float,
-        Field(
-            ge=0.005,
-            le=0.5,
-            description="size of the finest detail [m]: half its shortest wavelength",
-        ),
-    ] = 0.035
-    picture: Annotated[
-        str | None,
-        Field(
-            min_length=1,
-            max_length=400,
-            description="PNG or JPEG file, relative to the world file, instead of a pattern",
-        ),
-    ] = None
-    size: Annotated[
-        float | None,
-        Field(
-            ge=0.1,
-            le=20.0,
-            description="width that the picture covers before it repeats [m]; none: 2 m",
-        ),
-    ] = None
+    style: Style = Field(
+        "plaster",
+        description="pattern: shaped noise; from concrete on like photographs of a material",
+    )
+    seed: int = Field(0, ge=0, lt=2**32, description="seed of the pattern")
+    contrast: float = Field(
+        45.0,
+        ge=0.0,
+        le=MAX_CONTRAST,
+        description="standard deviation of the luminance [grey levels]",
+    )
+    brightness: float = Field(135.0, ge=10.0, le=245.0, description="mean luminance [grey levels]")
+    colour: tuple[Channel, Channel, Channel] = Field(
+        (1.0, 1.0, 1.0), description="tint: red, green, blue in [0, 1]"
+    )
+    finest: float = Field(
+        0.035,
+        ge=0.005,
+        le=0.5,
+        description="size of the finest detail [m]: half its shortest wavelength",
+    )
+    picture: str | None = Field(
+        None,
+        min_length=1,
+        max_length=400,
+        description="PNG or JPEG file, relative to the world file, instead of a pattern",
+    )
+    size: float | None = Field(
+        None,
+        ge=0.1,
+        le=20.0,
+        description="width that the picture covers before it repeats [m]; none: 2 m",
+    )
 
     @model_validator(mode="after")
     def _pattern_or_picture(self) -> Self:
@@ -114,14 +106,14 @@ class TextureSpec(StrictModel):
 class SkirtingSpec(StrictModel):
     """Skirting boards: a strip along the foot of all walls, drawn on their faces."""
 
-    height: Annotated[float, Field(ge=0.02, le=1.0, description="[m]")] = 0.1
+    height: float = Field(0.1, ge=0.02, le=1.0, description="[m]")
     texture: str = "wood"
 
 
 class DoorFrameSpec(StrictModel):
     """Door frames: a strip beside and above all openings, and the wall's ends inside them."""
 
-    width: Annotated[float, Field(ge=0.02, le=0.5, description="[m]")] = 0.07
+    width: float = Field(0.07, ge=0.02, le=0.5, description="[m]")
     texture: str = "wood"
 
 
@@ -129,34 +121,30 @@ class RoomSpec(StrictModel):
     """An axis-aligned rectangle of the floor with its own textures; it adds no solid."""
 
     name: Name
-    x: Annotated[Interval, Field(description="from, to [m]")]
-    y: Annotated[Interval, Field(description="from, to [m]")]
-    floor: Annotated[str | None, Field(description="texture; none: the world's")] = None
-    walls: Annotated[
-        str | None, Field(description="texture of the wall faces towards the room")
-    ] = None
-    ceiling: Annotated[str | None, Field(description="texture; none: the world's")] = None
+    x: Interval = Field(description="from, to [m]")
+    y: Interval = Field(description="from, to [m]")
+    floor: str | None = Field(None, description="texture; none: the world's")
+    walls: str | None = Field(None, description="texture of the wall faces towards the room")
+    ceiling: str | None = Field(None, description="texture; none: the world's")
 
 
 class OpeningSpec(StrictModel):
     """A door gap in a wall."""
 
     name: Name
-    at: Annotated[Point, Field(description="centre of the gap, on the wall's centre line [m]")]
-    width: Annotated[float, Field(ge=0.1, le=50.0, description="[m]")]
-    height: Annotated[
-        float, Field(ge=0.1, le=20.0, description="from the floor to the lintel [m]")
-    ] = 2.05
+    at: Point = Field(description="centre of the gap, on the wall's centre line [m]")
+    width: float = Field(ge=0.1, le=50.0, description="[m]")
+    height: float = Field(2.05, ge=0.1, le=20.0, description="from the floor to the lintel [m]")
 
 
 class WallSpec(StrictModel):
     """A wall along a polyline (closed when the last point equals the first), with openings."""
 
     name: Name
-    points: Annotated[tuple[Point, ...], Field(min_length=2, description="centre line [m]")]
-    thickness: Annotated[float, Field(ge=0.02, le=5.0, description="[m]")] = 0.1
-    height: Annotated[float, Field(ge=0.05, le=20.0, description="[m]")] = 2.4
-    texture: Annotated[str, Field(description="texture of faces without a room's")] = "plaster"
+    points: tuple[Point, ...] = Field(min_length=2, description="centre line [m]")
+    thickness: float = Field(0.1, ge=0.02, le=5.0, description="[m]")
+    height: float = Field(2.4, ge=0.05, le=20.0, description="[m]")
+    texture: str = Field("plaster", description="texture of faces without a room's")
     openings: tuple[OpeningSpec, ...] = ()
 
 
@@ -164,36 +152,32 @@ class DoorSpec(StrictModel):
     """A sliding door in an opening. Closed, it fills the gap; open, it is inside the wall."""
 
     name: Name
-    opening: Annotated[str, Field(description="name of its opening")]
+    opening: str = Field(description="name of its opening")
     state: Literal["open", "closed"] = "closed"
     texture: str = "wood"
-    front: Annotated[str | None, Field(description="texture stretched over its faces")] = None
+    front: str | None = Field(None, description="texture stretched over its faces")
 
 
 class BoxSpec(StrictModel):
     """A box, turned about the vertical axis; its underside is ``base`` above the floor."""
 
     name: Name
-    at: Annotated[Point, Field(description="centre [m]")]
-    size: Annotated[
-        tuple[Extent, Extent, Extent], Field(description="edges along x, y, z at yaw 0 [m]")
-    ]
-    yaw: Annotated[float, Field(ge=-6.3, le=6.3, description="[rad]")] = 0.0
-    base: Annotated[float, Field(ge=0.0, le=20.0, description="height of the underside [m]")] = 0.0
+    at: Point = Field(description="centre [m]")
+    size: tuple[Extent, Extent, Extent] = Field(description="edges along x, y, z at yaw 0 [m]")
+    yaw: float = Field(0.0, ge=-6.3, le=6.3, description="[rad]")
+    base: float = Field(0.0, ge=0.0, le=20.0, description="height of the underside [m]")
     texture: str = "wood"
-    front: Annotated[
-        str | None, Field(description="texture stretched over its two longer sides")
-    ] = None
+    front: str | None = Field(None, description="texture stretched over its two longer sides")
 
 
 class CylinderSpec(StrictModel):
     """An upright cylinder; its underside is ``base`` above the floor."""
 
     name: Name
-    at: Annotated[Point, Field(description="centre [m]")]
-    radius: Annotated[float, Field(ge=0.01, le=50.0, description="[m]")]
-    height: Annotated[float, Field(ge=0.02, le=20.0, description="[m]")] = 1.0
-    base: Annotated[float, Field(ge=0.0, le=20.0, description="height of the underside [m]")] = 0.0
+    at: Point = Field(description="centre [m]")
+    radius: float = Field(ge=0.01, le=50.0, description="[m]")
+    height: float = Field(1.0, ge=0.02, le=20.0, description="[m]")
+    base: float = Field(0.0, ge=0.0, le=20.0, description="height of the underside [m]")
     texture: str = "stone"
 
 
@@ -204,21 +188,16 @@ class MeshSpec(StrictModel):
     """
 
     name: Name
-    file: Annotated[
-        str,
-        Field(
-            min_length=1,
-            max_length=400,
-            description="OBJ, STL or URDF file, relative to the world file",
-        ),
-    ]
-    at: Annotated[Point, Field(description="place of its origin [m]")]
-    base: Annotated[float, Field(ge=-20.0, le=20.0, description="height of its origin [m]")] = 0.0
-    yaw: Annotated[float, Field(ge=-6.3, le=6.3, description="[rad]")] = 0.0
-    scale: Annotated[
-        float, Field(ge=1e-4, le=1000.0, description="metres per unit of the file")
-    ] = 1.0
-    up: Annotated[Literal["z", "y"], Field(description="axis of the file that points up")] = "z"
+    file: str = Field(
+        min_length=1,
+        max_length=400,
+        description="OBJ, STL or URDF file, relative to the world file",
+    )
+    at: Point = Field(description="place of its origin [m]")
+    base: float = Field(0.0, ge=-20.0, le=20.0, description="height of its origin [m]")
+    yaw: float = Field(0.0, ge=-6.3, le=6.3, description="[rad]")
+    scale: float = Field(1.0, ge=1e-4, le=1000.0, description="metres per unit of the file")
+    up: Literal["z", "y"] = Field("z", description="axis of the file that points up")
     texture: str = "wood"
 
 
@@ -229,21 +208,19 @@ class WalkerSpec(StrictModel):
     """
 
     name: Name
-    path: Annotated[
-        tuple[Point, ...],
-        Field(min_length=2, max_length=1000, description="way points of a polyline [m]"),
-    ]
-    speed: Annotated[float, Field(gt=0.0, le=3.0, description="[m/s]")] = 0.4
-    walk: Annotated[
-        Literal["back-and-forth", "loop"],
-        Field(description="at the path's end: reverse, or go on to the first point"),
-    ] = "back-and-forth"
-    yields: Annotated[bool, Field(description="whether it waits for a robot in front of it")] = True
-    phase: Annotated[
-        float, Field(ge=0.0, lt=1.0, description="position at time 0, as a share of one round")
-    ] = 0.0
-    radius: Annotated[float, Field(ge=0.02, le=5.0, description="[m]")] = 0.25
-    height: Annotated[float, Field(ge=0.05, le=20.0, description="[m]")] = 1.7
+    path: tuple[Point, ...] = Field(
+        min_length=2, max_length=1000, description="way points of a polyline [m]"
+    )
+    speed: float = Field(0.4, gt=0.0, le=3.0, description="[m/s]")
+    walk: Literal["back-and-forth", "loop"] = Field(
+        "back-and-forth", description="at the path's end: reverse, or go on to the first point"
+    )
+    yields: bool = Field(True, description="whether it waits for a robot in front of it")
+    phase: float = Field(
+        0.0, ge=0.0, lt=1.0, description="position at time 0, as a share of one round"
+    )
+    radius: float = Field(0.25, ge=0.02, le=5.0, description="[m]")
+    height: float = Field(1.7, ge=0.05, le=20.0, description="[m]")
     texture: str = "carpet"
 
     @model_validator(mode="after")
@@ -267,19 +244,17 @@ class LandmarkPlateSpec(StrictModel):
         AfterValidator(check_landmark_kind),
         Field(description="aruco: a marker on a white plate; or a plugin's"),
     ] = "aruco"
-    id: Annotated[int, Field(ge=0, le=1_000_000, description="unique within its kind")]
-    at: Annotated[Point, Field(description="centre [m]")]
-    z: Annotated[float, Field(ge=0.0, le=20.0, description="height of the centre [m]")] = 0.35
-    yaw: Annotated[float, Field(ge=-6.3, le=6.3, description="direction of its normal [rad]")]
-    size: Annotated[
-        float,
-        Field(
-            ge=0.05, le=3.0, description="side of the marker's black square, or of the picture [m]"
-        ),
-    ] = 0.25
-    free: Annotated[
-        bool, Field(description="whether it stands without a wall or box behind it")
-    ] = False
+    id: int = Field(ge=0, le=1_000_000, description="unique within its kind")
+    at: Point = Field(description="centre [m]")
+    z: float = Field(0.35, ge=0.0, le=20.0, description="height of the centre [m]")
+    yaw: float = Field(ge=-6.3, le=6.3, description="direction of its normal [rad]")
+    size: float = Field(
+        0.25,
+        ge=0.05,
+        le=3.0,
+        description="side of the marker's black square, or of the picture [m]",
+    )
+    free: bool = Field(False, description="whether it stands without a wall or box behind it")
 
     @model_validator(mode="after")
     def _id_in_range(self) -> Self:
@@ -295,20 +270,17 @@ class DropSpec(StrictModel):
     """An axis-aligned hole in the floor: a pit, or with ``steps`` a flight of stairs down."""
 
     name: Name
-    x: Annotated[Interval, Field(description="from, to [m]")]
-    y: Annotated[Interval, Field(description="from, to [m]")]
-    depth: Annotated[
-        float, Field(ge=0.05, le=10.0, description="depth of its lowest tread [m]")
-    ] = 1.0
-    steps: Annotated[
-        int, Field(ge=0, le=60, description="number of treads, the last at full depth; 0: a pit")
-    ] = 0
-    down: Annotated[
-        Literal["east", "west", "north", "south"],
-        Field(description="direction of descent (east: along x, north: along y)"),
-    ] = "east"
-    texture: Annotated[str, Field(description="texture of the treads")] = "stone"
-    walls: Annotated[str, Field(description="texture of the sides and risers")] = "dark"
+    x: Interval = Field(description="from, to [m]")
+    y: Interval = Field(description="from, to [m]")
+    depth: float = Field(1.0, ge=0.05, le=10.0, description="depth of its lowest tread [m]")
+    steps: int = Field(
+        0, ge=0, le=60, description="number of treads, the last at full depth; 0: a pit"
+    )
+    down: Literal["east", "west", "north", "south"] = Field(
+        "east", description="direction of descent (east: along x, north: along y)"
+    )
+    texture: str = Field("stone", description="texture of the treads")
+    walls: str = Field("dark", description="texture of the sides and risers")
 
 
 class LightSpec(StrictModel):
@@ -318,12 +290,12 @@ class LightSpec(StrictModel):
     where walls, furniture and floor meet.
     """
 
-    soft: Annotated[bool, Field(description="whether light from above has soft shadows")] = False
-    direction: Annotated[
-        tuple[Slope, Slope, Slope], Field(description="vector towards the directional light")
-    ] = (0.4, -0.55, 1.0)
-    ambient: Annotated[float, Field(ge=0.0, le=2.0, description="ambient intensity")] = 0.68
-    diffuse: Annotated[float, Field(ge=0.0, le=2.0, description="directional intensity")] = 0.35
+    soft: bool = Field(False, description="whether light from above has soft shadows")
+    direction: tuple[Slope, Slope, Slope] = Field(
+        (0.4, -0.55, 1.0), description="vector towards the directional light"
+    )
+    ambient: float = Field(0.68, ge=0.0, le=2.0, description="ambient intensity")
+    diffuse: float = Field(0.35, ge=0.0, le=2.0, description="directional intensity")
 
     @model_validator(mode="after")
     def _has_direction(self) -> Self:
@@ -342,33 +314,29 @@ class WorldSpec(StrictModel):
 
     name: Name
     description: str = ""
-    x: Annotated[Interval, Field(description="extent of the floor: from, to [m]")]
-    y: Annotated[Interval, Field(description="extent of the floor: from, to [m]")]
-    floor: Annotated[str, Field(description="texture")] = "carpet"
-    ceiling: Annotated[str | None, Field(description="texture; none: no ceiling")] = None
+    x: Interval = Field(description="extent of the floor: from, to [m]")
+    y: Interval = Field(description="extent of the floor: from, to [m]")
+    floor: str = Field("carpet", description="texture")
+    ceiling: str | None = Field(None, description="texture; none: no ceiling")
     rooms: tuple[RoomSpec, ...] = ()
     walls: tuple[WallSpec, ...] = ()
     doors: tuple[DoorSpec, ...] = ()
     boxes: tuple[BoxSpec, ...] = ()
     cylinders: tuple[CylinderSpec, ...] = ()
-    meshes: Annotated[
-        tuple[MeshSpec, ...], Field(max_length=1000, description="furniture from files")
-    ] = ()
-    movers: Annotated[tuple[WalkerSpec, ...], Field(description="moving obstacles")] = ()
-    landmarks: Annotated[tuple[LandmarkPlateSpec, ...], Field(description="visual landmarks")] = ()
-    drops: Annotated[tuple[DropSpec, ...], Field(description="holes in the floor")] = ()
+    meshes: tuple[MeshSpec, ...] = Field((), max_length=1000, description="furniture from files")
+    movers: tuple[WalkerSpec, ...] = Field((), description="moving obstacles")
+    landmarks: tuple[LandmarkPlateSpec, ...] = Field((), description="visual landmarks")
+    drops: tuple[DropSpec, ...] = Field((), description="holes in the floor")
     textures: Mapping[str, TextureSpec] = Field(default_factory=dict)
-    skirting: Annotated[SkirtingSpec | None, Field(description="skirting boards of all walls")] = (
-        None
-    )
-    door_frames: Annotated[DoorFrameSpec | None, Field(description="frames of all openings")] = None
+    skirting: SkirtingSpec | None = Field(None, description="skirting boards of all walls")
+    door_frames: DoorFrameSpec | None = Field(None, description="frames of all openings")
     light: LightSpec = LightSpec()
-    hazards: Annotated[
-        tuple[Name, ...], Field(description="what makes it hard; failures are counted by them")
-    ] = ()
-    may_overlap: Annotated[
-        bool, Field(description="whether solids may overlap (in imported worlds they do)")
-    ] = False
+    hazards: tuple[Name, ...] = Field(
+        (), description="what makes it hard; failures are counted by them"
+    )
+    may_overlap: bool = Field(
+        False, description="whether solids may overlap (in imported worlds they do)"
+    )
 
     def texture_uses(self) -> Iterator[tuple[KeyPath, str, Role]]:
         """Yield the textures of all surfaces: the key that names each, its name and role."""

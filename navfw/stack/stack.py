@@ -19,6 +19,7 @@ from navfw.localmap import LocalMap
 from navfw.locom.unicycle import WheelTrim
 from navfw.mofis.mofis import DecisionInputs, explain_command
 from navfw.movers import ConflictPredictor, Tracker
+from navfw.plugins import Registry
 from navfw.robot import RobotModel
 from navfw.safety import SafetyMonitor, SafetyVerdict
 from navfw.signals import (
@@ -37,7 +38,7 @@ from navfw.signals import (
 )
 from navfw.stack.map_growth import MapGrowth
 from navfw.stack.stack_state import ProgressWatch, StackState, why_slower
-from navfw.stack.stackfile import Choice, PluginSource, StackConfig, load_stack, mofis_of
+from navfw.stack.stackfile import Choice, StackConfig, load_stack, mofis_of
 from navfw.stack.stopwatch import timed
 from navfw.stack.vision import View, Vision, ready_frame, straight_reading
 from navfw.topomap import TopoMap
@@ -117,7 +118,7 @@ class Stack:
         name: str | Path,
         robot: RobotModel,
         topo_map: TopoMap,
-        plugins: PluginSource,
+        plugins: Registry,
         overrides: Sequence[str] = (),
     ) -> Self:
         """Build the stack of that name or file; raises like ``stackfile.load_stack``."""

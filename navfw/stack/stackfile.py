@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Protocol
+from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field
 
@@ -27,6 +27,7 @@ from navfw.interfaces import Plugin
 from navfw.localmap import LocalMap, LocalMapParams
 from navfw.mofis.mofis import Mofis
 from navfw.movers import MoverParams
+from navfw.plugins import Registry
 from navfw.robot import RobotModel
 from navfw.safety import SafetyParams
 from navfw.stack.stack_document import STAGES, read_stack
@@ -58,49 +59,39 @@ class StackSettings(StrictModel):
     movers: MoverParams = MoverParams()
     commands: CommandGridParams = CommandGridParams()
     safety: SafetyParams = SafetyParams()
-    derotate: Annotated[
-        bool, Field(description="remove the camera's rotation from the flow (paper sec 3)")
-    ] = True
-    refine: Annotated[
-        bool, Field(description="refine the gyro's rotation by the flow (METHOD 2.6)")
-    ] = True
-    floor_odometry: Annotated[
-        bool | None,
-        Field(
-            description="correct wheels and gyro by the floor's motion in the images; "
-            "null: if the robot's wheels skid"
-        ),
-    ] = None
-    stixels: Annotated[
-        bool, Field(description="detect thin upright obstacles by image columns")
-    ] = False
-    growing_map: Annotated[
-        bool,
-        Field(description="the map that grows is the only one: close loops, and correct the pose"),
-    ] = False
-    floor_model: Annotated[
-        bool,
-        Field(
-            description="distinguish floor from obstacles by height (METHOD 2.8); false: flow "
-            "below the horizon counts as unknown"
-        ),
-    ] = True
-    warmup: Annotated[
-        float, Field(ge=0.0, le=30.0, description="standstill first, for the gyro's bias [s]")
-    ] = 1.0
-    oracle: Annotated[
-        bool,
-        Field(description="allow plugins that need the simulator's truth; results are marked"),
-    ] = False
+    derotate: bool = Field(
+        True, description="remove the camera's rotation from the flow (paper sec 3)"
+    )
+    refine: bool = Field(True, description="refine the gyro's rotation by the flow (METHOD 2.6)")
+    floor_odometry: bool | None = Field(
+        None,
+        description="correct wheels and gyro by the floor's motion in the images; "
+        "null: if the robot's wheels skid",
+    )
+    stixels: bool = Field(False, description="detect thin upright obstacles by image columns")
+    growing_map: bool = Field(
+        False, description="the map that grows is the only one: close loops, and correct the pose"
+    )
+    floor_model: bool = Field(
+        True,
+        description="distinguish floor from obstacles by height (METHOD 2.8); false: flow "
+        "below the horizon counts as unknown",
+    )
+    warmup: float = Field(
+        1.0, ge=0.0, le=30.0, description="standstill first, for the gyro's bias [s]"
+    )
+    oracle: bool = Field(
+        False, description="allow plugins that need the simulator's truth; results are marked"
+    )
 
 
 class StackSpec(StackSettings):
     """The schema of a stack file: settings, and each stage as ``plugin name: {parameters}``."""
 
     description: str = ""
-    base: Annotated[
-        str | None, Field(description="name or file of a stack from which this one differs")
-    ] = None
+    base: str | None = Field(
+        None, description="name or file of a stack from which this one differs"
+    )
     flow: Chosen
     perception: Chosen
     features: Chosen
@@ -110,18 +101,6 @@ class StackSpec(StackSettings):
     behaviors: Annotated[_Plugins, BeforeValidator(_some_plugins), Field(min_length=1)]
     fusion: Chosen
     controller: Chosen
-
-
-class PluginSource(Protocol):
-    """Provides plugin classes by kind and name, as the registry does."""
-
-    def get(self, kind: str, name: str) -> type[Plugin]:
-        """Return the class of a plugin; raises UnknownNameError or PluginError."""
-        ...
-
-    def names(self, kind: str) -> list[str]:
-        """Return the names of all plugins of ``kind``."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,7 +147,7 @@ class StackConfig:
 
 def load_stack(
     path: str | Path,
-    plugins: PluginSource,
+    plugins: Registry,
     overrides: Sequence[str] = (),
     stages: Sequence[str] = STAGES,
 ) -> StackConfig:
@@ -234,7 +213,7 @@ def _refuse_oracles(document: YamlDocument, choices: Mapping[str, Choice]) -> No
 
 
 def _choose(
-    document: YamlDocument, plugins: PluginSource, kind: str, section: str, name: str
+    document: YamlDocument, plugins: Registry, kind: str, section: str, name: str
 ) -> Choice:
     """Return the plugin ``name`` of ``section``, its parameters checked against its own model."""
     at: KeyPath = (section, name)

@@ -67,77 +67,59 @@ def _ascending(interval: tuple[float, float]) -> tuple[float, float]:
 class TaughtSpec(StrictModel):
     """Missions between random places of a map that is made first, from a tour or exploration."""
 
-    source: Annotated[
-        Literal["tour", "explore"],
-        Field(description="what shows the world: a recorded tour of its map's places, or explore"),
-    ] = "tour"
-    seeds: Annotated[
-        int, Field(ge=1, le=10_000, description="seeds in turn that share a map, and its world")
-    ] = 20
-    start: Annotated[
-        Literal["known", "unknown"], Field(description="whether the stack gets the start pose")
-    ] = "known"
-    moved: Annotated[
-        float, Field(ge=0.0, le=1.0, description="share of the furniture that is moved afterwards")
-    ] = 0.0
+    source: Literal["tour", "explore"] = Field(
+        "tour", description="what shows the world: a recorded tour of its map's places, or explore"
+    )
+    seeds: int = Field(
+        20, ge=1, le=10_000, description="seeds in turn that share a map, and its world"
+    )
+    start: Literal["known", "unknown"] = Field(
+        "known", description="whether the stack gets the start pose"
+    )
+    moved: float = Field(
+        0.0, ge=0.0, le=1.0, description="share of the furniture that is moved afterwards"
+    )
 
 
 class EntrySpec(StrictModel):
     """An entry of a suite: a world, a folder of worlds, or a family of generated worlds."""
 
-    name: Annotated[
-        Name | None, Field(description="name in the table [default: world or family]")
-    ] = None
-    world: Annotated[str | None, Field(description="a world's name or file")] = None
-    missions: Annotated[
-        tuple[str, ...] | None,
-        Field(min_length=1, description="missions of the world [default: all]"),
-    ] = None
-    pairs: Annotated[
-        bool,
-        Field(description="from one place of the missions' map to another; the seed draws which"),
-    ] = False
-    explore: Annotated[
-        ExploreSpec | None,
-        Field(description="explore each world, from the start of its first mission: {limit: 600}"),
-    ] = None
-    taught: Annotated[
-        TaughtSpec | None,
-        Field(description="between places of a map that is made before: {source: tour}"),
-    ] = None
-    worlds: Annotated[
-        str | None, Field(description="a folder of worlds; relative to the suite file")
-    ] = None
-    family: Annotated[str | None, Field(description="a family of generated worlds")] = None
-    difficulty: Annotated[
-        Difficulty | Annotated[tuple[Difficulty, Difficulty], AfterValidator(_ascending)] | None,
-        Field(description="of the family, 0 to 1; or [from, to], drawn by the seed"),
-    ] = None
-    contrast: Annotated[
-        Contrast | None,
-        Field(description="of every surface of the family [grey levels; default: each its own]"),
-    ] = None
-    look: Annotated[
-        Look | None,
-        Field(description="of the family's surfaces, instead of noise with high contrast"),
-    ] = None
-    stack: Annotated[
-        str | None, Field(description="a stack's name or file [default: each mission's]")
-    ] = None
-    robot: Annotated[
-        str | None, Field(description="a robot's name or file [default: each mission's]")
-    ] = None
-    set: Annotated[
-        Mapping[str, Any], Field(description="changed values, as with --set: {avoid.spare: 0.1}")
-    ] = Field(default_factory=dict)
-    events: Annotated[
-        tuple[EventSpec, ...] | None,
-        Field(max_length=1000, description="replace the missions' events"),
-    ] = None
-    expect: Annotated[
-        Expect | None,
-        Field(description="what passes: 90 % of the runs arrive, or all stop without collision"),
-    ] = None
+    name: Name | None = Field(None, description="name in the table [default: world or family]")
+    world: str | None = Field(None, description="a world's name or file")
+    missions: tuple[str, ...] | None = Field(
+        None, min_length=1, description="missions of the world [default: all]"
+    )
+    pairs: bool = Field(
+        False, description="from one place of the missions' map to another; the seed draws which"
+    )
+    explore: ExploreSpec | None = Field(
+        None, description="explore each world, from the start of its first mission: {limit: 600}"
+    )
+    taught: TaughtSpec | None = Field(
+        None, description="between places of a map that is made before: {source: tour}"
+    )
+    worlds: str | None = Field(None, description="a folder of worlds; relative to the suite file")
+    family: str | None = Field(None, description="a family of generated worlds")
+    difficulty: (
+        Difficulty | Annotated[tuple[Difficulty, Difficulty], AfterValidator(_ascending)] | None
+    ) = Field(None, description="of the family, 0 to 1; or [from, to], drawn by the seed")
+    contrast: Contrast | None = Field(
+        None, description="of every surface of the family [grey levels; default: each its own]"
+    )
+    look: Look | None = Field(
+        None, description="of the family's surfaces, instead of noise with high contrast"
+    )
+    stack: str | None = Field(None, description="a stack's name or file [default: each mission's]")
+    robot: str | None = Field(None, description="a robot's name or file [default: each mission's]")
+    set: Mapping[str, Any] = Field(
+        default_factory=dict, description="changed values, as with --set: {avoid.spare: 0.1}"
+    )
+    events: tuple[EventSpec, ...] | None = Field(
+        None, max_length=1000, description="replace the missions' events"
+    )
+    expect: Expect | None = Field(
+        None, description="what passes: 90 % of the runs arrive, or all stop without collision"
+    )
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:
@@ -184,21 +166,17 @@ class EntrySpec(StrictModel):
 class VariantSpec(StrictModel):
     """A variant: changes to the configuration with which every run of a suite is repeated."""
 
-    stack: Annotated[
-        str | None, Field(description="a stack's name or file; replaces the entries'")
-    ] = None
-    robot: Annotated[
-        str | None, Field(description="a robot's name or file; replaces the entries'")
-    ] = None
-    set: Annotated[
-        Mapping[str, Any], Field(description="changed values, applied after those of the entries")
-    ] = Field(default_factory=dict)
-    package: Annotated[
-        str | None, Field(description="an installed package that it needs; without, it is skipped")
-    ] = None
-    given_map: Annotated[
-        bool, Field(description="entries with taught: the same missions, on the world's own map")
-    ] = False
+    stack: str | None = Field(None, description="a stack's name or file; replaces the entries'")
+    robot: str | None = Field(None, description="a robot's name or file; replaces the entries'")
+    set: Mapping[str, Any] = Field(
+        default_factory=dict, description="changed values, applied after those of the entries"
+    )
+    package: str | None = Field(
+        None, description="an installed package that it needs; without, it is skipped"
+    )
+    given_map: bool = Field(
+        False, description="entries with taught: the same missions, on the world's own map"
+    )
 
     @property
     def overrides(self) -> tuple[str, ...]:
@@ -227,12 +205,11 @@ def _options(changes: Mapping[str, Any]) -> tuple[str, ...]:
 class SuiteSpec(StrictModel):
     """The schema of a suite file."""
 
-    description: Annotated[str, Field(description="one line for people")] = ""
-    entries: Annotated[tuple[EntrySpec, ...], Field(min_length=1, max_length=1000)]
-    variants: Annotated[
-        Mapping[Name, VariantSpec | None],
-        Field(max_length=100, description="by name: every run is made with each"),
-    ] = Field(default_factory=dict)
+    description: str = Field("", description="one line for people")
+    entries: tuple[EntrySpec, ...] = Field(min_length=1, max_length=1000)
+    variants: Mapping[Name, VariantSpec | None] = Field(
+        default_factory=dict, max_length=100, description="by name: every run is made with each"
+    )
 
 
 @dataclass(frozen=True)

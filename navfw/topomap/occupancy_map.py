@@ -156,14 +156,11 @@ class RosMapSpec(StrictModel):
 
     model_config = ConfigDict(extra="ignore")
 
-    image: Annotated[
-        str, Field(min_length=1, max_length=1000, description="image file, beside this")
-    ]
-    resolution: Annotated[Metres, Field(description="edge of a pixel [m]")]
-    origin: Annotated[
-        tuple[Number, Number, Angle],
-        Field(description="x, y [m], yaw [rad] of the image's lower left corner in the map frame"),
-    ]
+    image: str = Field(min_length=1, max_length=1000, description="image file, beside this")
+    resolution: Metres = Field(description="edge of a pixel [m]")
+    origin: tuple[Number, Number, Angle] = Field(
+        description="x, y [m], yaw [rad] of the image's lower left corner in the map frame"
+    )
     mode: Annotated[
         Literal["trinary", "scale", "raw"],
         BeforeValidator(lambda value: value.lower() if isinstance(value, str) else value),
@@ -174,8 +171,8 @@ class RosMapSpec(StrictModel):
         BeforeValidator(_number),
         Field(description="1, or true: black is free and white is occupied; not in mode raw"),
     ] = 0
-    occupied_thresh: Annotated[Share, Field(description="occupied above this occupancy")] = 0.65
-    free_thresh: Annotated[Share, Field(description="free below this occupancy")] = 0.196
+    occupied_thresh: Share = Field(0.65, description="occupied above this occupancy")
+    free_thresh: Share = Field(0.196, description="free below this occupancy")
 
     @model_validator(mode="after")
     def _thresholds_in_order(self) -> RosMapSpec:
